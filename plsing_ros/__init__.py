@@ -1,0 +1,1 @@
+"""Singularity-aware visual servoing on straight lines."""

@@ -1,0 +1,43 @@
+"""Input checks for arrays, in one place so that every message reads the same."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from plsing_ros.errors import GeometryError, PlsingError
+
+Array = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+def checked_array(
+    name: str, value: npt.ArrayLike, shape: tuple[int | None, ...], error: type[PlsingError] = GeometryError
+) -> Array:
+    """Return value as a new, read-only float array after checking its shape and that it is finite.
+
+    Args:
+        name: What the value is, for the message.
+        value: Anything numpy turns into floats.
+        shape: Expected shape; None allows any length along that axis.
+        error: Raised on a mismatch.
+
+    Raises:
+        error: If value is not numeric, has another shape, or holds NaN or infinity (the message names the first).
+    """
+    try:
+        array: Array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as problem:
+        raise error(f"{name} is not an array of numbers: {problem}") from None
+    if array.ndim != len(shape) or any(
+        want is not None and have != want for have, want in zip(array.shape, shape, strict=True)
+    ):
+        expected = "(" + ", ".join("n" if want is None else str(want) for want in shape) + ")"
+        raise error(f"{name} has shape {array.shape}, expected {expected}")
+    if not np.isfinite(array).all():
+        first: Any = np.argwhere(~np.isfinite(array))[0]
+        raise error(f"{name}{[int(i) for i in first]} is {array[tuple(first)]}; all values must be finite")
+    array.setflags(write=False)
+    return array

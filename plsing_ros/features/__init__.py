@@ -1,0 +1,17 @@
+"""Line features of the image: projection, interaction matrix, rank basis, conditioning."""
+
+from plsing_ros.features.conditioning import Conditioning, conditioning, inverse_condition_number
+from plsing_ros.features.interaction import interaction_matrix
+from plsing_ros.features.projection import degenerate_projections, image_depth, project_lines
+from plsing_ros.features.rank_basis import rank_basis
+
+__all__ = [
+    "Conditioning",
+    "conditioning",
+    "degenerate_projections",
+    "image_depth",
+    "interaction_matrix",
+    "inverse_condition_number",
+    "project_lines",
+    "rank_basis",
+]

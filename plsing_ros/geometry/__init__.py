@@ -1,0 +1,6 @@
+"""Lines, poses and scenes: values that check themselves."""
+
+from plsing_ros.geometry.line_set import LineSet
+from plsing_ros.geometry.pose import Pose
+
+__all__ = ["LineSet", "Pose"]

@@ -1,0 +1,124 @@
+"""Rigid poses, and the motion of a frame under a constant twist."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from plsing_ros.arrays import Array, checked_array
+from plsing_ros.errors import GeometryError
+
+_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A rigid transform T_a_b: p_a = rotation @ p_b + translation. The frames are in the variable's name.
+
+    Attributes:
+        rotation: Rotation matrix, shape (3, 3).
+        translation: Origin of frame b in frame a, shape (3,) [m].
+
+    Raises:
+        GeometryError: If a value is not finite, a shape is wrong, or rotation is not a rotation.
+    """
+
+    rotation: Array
+    translation: Array
+
+    def __post_init__(self) -> None:
+        rotation = checked_array("rotation", self.rotation, (3, 3))
+        translation = checked_array("translation", self.translation, (3,))
+        error = np.abs(rotation @ rotation.T - np.eye(3)).max()
+        if error > _TOLERANCE or np.linalg.det(rotation) < 0.0:
+            raise GeometryError(
+                f"rotation {rotation.tolist()} is not a rotation matrix (R R^T differs from I by {error:.3g}, "
+                f"determinant {np.linalg.det(rotation):.6g})"
+            )
+        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(self, "translation", translation)
+
+    @classmethod
+    def from_quaternion(cls, translation: npt.ArrayLike, quaternion_xyzw: npt.ArrayLike) -> Pose:
+        """Build a pose from a position [m], shape (3,), and a unit quaternion (x, y, z, w), shape (4,).
+
+        Raises:
+            GeometryError: If a value is not finite or the quaternion's length differs from 1 by more than 1e-3.
+        """
+        quaternion = checked_array("quaternion", quaternion_xyzw, (4,))
+        length = float(np.linalg.norm(quaternion))
+        if abs(length - 1.0) > 1e-3:
+            raise GeometryError(f"quaternion {quaternion.tolist()} (x, y, z, w) has length {length:.6g}, expected 1")
+        return cls(Rotation.from_quat(quaternion).as_matrix(), checked_array("translation", translation, (3,)))
+
+    @classmethod
+    def looking_at(cls, center: npt.ArrayLike, viewed: npt.ArrayLike, down: npt.ArrayLike = (0.0, 0.0, -1.0)) -> Pose:
+        """Return T_world_camera of a camera (optical frame: z forward, y down) whose optical axis passes a point.
+
+        Args:
+            center: Camera centre in the world, shape (3,) [m].
+            viewed: The point on the optical axis, in the world, shape (3,) [m].
+            down: World direction that appears downwards in the image, shape (3,).
+
+        Raises:
+            GeometryError: If the point is the camera centre, or down is along the optical axis.
+        """
+        origin = checked_array("center", center, (3,))
+        forward = checked_array("viewed", viewed, (3,)) - origin
+        if not np.linalg.norm(forward) > 0.0:
+            raise GeometryError(f"the camera at {origin.tolist()} cannot look at its own centre")
+        z = forward / np.linalg.norm(forward)
+        x = np.cross(checked_array("down", down, (3,)), z)
+        if np.linalg.norm(x) < 1e-9:
+            raise GeometryError(f"down = {list(np.asarray(down))} is along the optical axis {z.tolist()}")
+        x /= np.linalg.norm(x)
+        return cls(np.column_stack([x, np.cross(z, x), z]), origin)
+
+    @property
+    def quaternion_xyzw(self) -> Array:
+        """The rotation as a unit quaternion (x, y, z, w), shape (4,)."""
+        return np.asarray(Rotation.from_matrix(self.rotation).as_quat())
+
+    def inverse(self) -> Pose:
+        """Return T_b_a of this T_a_b."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """T_a_c = T_a_b @ T_b_c."""
+        return Pose(self.rotation @ other.rotation, self.rotation @ other.translation + self.translation)
+
+    def moved(self, twist: npt.ArrayLike, duration: float) -> Pose:
+        """Return the pose of frame b after it moved with a constant twist, expressed in itself.
+
+        Exact for any twist (no integration step error): T_a_b exp([twist] duration).
+
+        Args:
+            twist: (v, omega) of frame b in its own coordinates, shape (6,) [m/s, rad/s].
+            duration: [s].
+
+        Source: the exponential of se(3); tested against scipy.linalg.expm.
+        """
+        step = checked_array("twist", twist, (6,)) * duration
+        rotation_vector = step[3:]
+        turn = Rotation.from_rotvec(rotation_vector).as_matrix()
+        # Renormalised through the quaternion, so that millions of steps do not drift off SO(3).
+        rotation = Rotation.from_matrix(self.rotation @ turn).as_matrix()
+        translation = self.translation + self.rotation @ (_mean_rotation(rotation_vector) @ step[:3])
+        return Pose(rotation, translation)
+
+
+def _mean_rotation(rotation_vector: Array) -> Array:
+    """Return the integral of exp(s [rotation_vector]x) over s in [0, 1], shape (3, 3)."""
+    angle = float(np.linalg.norm(rotation_vector))
+    x, y, z = rotation_vector
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if angle < 1e-4:
+        # Series, accurate to 1e-17 here; the closed form would cancel.
+        first, second = 0.5 - angle**2 / 24.0, 1.0 / 6.0 - angle**2 / 120.0
+    else:
+        first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    mean: Array = np.eye(3) + first * skew + second * skew @ skew
+    return mean
