@@ -1,0 +1,54 @@
+# Thin: tools/environment.py makes the environment and runs each command in it.
+
+PYTHON ?= python3
+NOBLE_PYTHON ?= python3.12
+ARGS ?=
+export PYTHON
+
+RUN := $(PYTHON) tools/environment.py run
+
+.PHONY: help demo test test-noble bench lint clean setup python noble-python
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make demo        run the demo                        ARGS=... is passed to it"
+	@echo "make test        run the tests                       ARGS='-k transversals' is passed to pytest"
+	@echo "make test-noble  the same with Ubuntu 24.04's numpy, scipy, ..., on Python 3.12"
+	@echo "make bench       measure the speed                   ARGS=... is passed to it"
+	@echo "make lint        check style, format and types"
+	@echo "make setup       only make the environment that all of these use (they do so themselves)"
+	@echo "make clean       remove everything generated"
+	@echo
+	@echo "With a ROS 2 Jazzy sourced, they build with colcon into install/ and run there. Without, they use .venv with"
+	@echo "ROS 2 Jazzy from wheels. PYTHON=python3.12 chooses the interpreter for it (3.10 to 3.13)."
+
+demo: python
+	@$(RUN) demo $(ARGS)
+
+test: python
+	@$(RUN) python3 -m pytest $(ARGS)
+
+test-noble: noble-python
+	@$(NOBLE_PYTHON) tools/environment.py --noble run python3 -m pytest $(ARGS)
+
+bench: python
+	@$(RUN) python3 -m benchmark $(ARGS)
+
+lint: python
+	@$(RUN) ruff check .
+	@$(RUN) ruff format --check .
+	@$(RUN) mypy
+
+setup: python
+	@$(PYTHON) tools/environment.py setup
+
+clean:
+	rm -rf .venv .venv-* build install log
+	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+python:
+	@$(PYTHON) -c '' 2>/dev/null || { echo "setup: $(PYTHON) does not run, install it: sudo apt install $(PYTHON)" >&2; exit 1; }
+
+noble-python:
+	@$(NOBLE_PYTHON) -c '' 2>/dev/null || { echo "setup: $(NOBLE_PYTHON) does not run, and Ubuntu 24.04 has Python 3.12: install it, or name it with NOBLE_PYTHON=/path/to/python3.12" >&2; exit 1; }

@@ -1,0 +1,41 @@
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "plsing_ros"
+SHARE = Path("share") / NAME
+
+
+def config_files() -> list[tuple[str, list[str]]]:
+    """Return config/ as data_files entries: each folder with the YAML files in it."""
+    files_of: dict[Path, list[str]] = {}
+    for file in sorted(Path("config").rglob("*.yaml")):
+        files_of.setdefault(file.parent, []).append(str(file))
+    return [(str(SHARE / folder), files) for folder, files in files_of.items()]
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (str(SHARE), ["package.xml"]),
+        *config_files(),
+    ],
+    package_data={NAME: ["py.typed"]},
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="plsing_ros developers",
+    maintainer_email="maintainers@plsing-ros.invalid",
+    description="Visual servoing on straight lines with its singularities known beforehand",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "feature_simulator = plsing_ros.nodes.feature_simulator:main",
+            "controller = plsing_ros.nodes.controller:main",
+            "singularity_monitor = plsing_ros.nodes.singularity_monitor:main",
+            "demo = plsing_ros.cli.demo:main",
+        ],
+    },
+)
