@@ -2,11 +2,13 @@
 
 from plsing_ros.features.conditioning import Conditioning, conditioning, inverse_condition_number
 from plsing_ros.features.interaction import interaction_matrix
+from plsing_ros.features.observation import LineObservation
 from plsing_ros.features.projection import degenerate_projections, image_depth, project_lines
 from plsing_ros.features.rank_basis import rank_basis
 
 __all__ = [
     "Conditioning",
+    "LineObservation",
     "conditioning",
     "degenerate_projections",
     "image_depth",

@@ -13,6 +13,9 @@ from plsing_ros.errors import GeometryError
 
 _TOLERANCE = 1e-6
 
+# Of a longer one, too few digits would be left for where the frame ends up.
+_LONGEST_STEP = 1e9  # [m] or [rad]
+
 
 @dataclass(frozen=True, eq=False)
 class Pose:
@@ -99,9 +102,19 @@ class Pose:
             twist: (v, omega) of frame b in its own coordinates, shape (6,) [m/s, rad/s].
             duration: [s].
 
+        Raises:
+            GeometryError: If the twist is not finite, or a step of more than 1e9 m or rad.
+
         Source: the exponential of se(3); tested against scipy.linalg.expm.
         """
-        step = checked_array("twist", twist, (6,)) * duration
+        velocity = checked_array("twist", twist, (6,))
+        with np.errstate(over="ignore"):
+            step = velocity * duration
+        if not np.abs(step).max() <= _LONGEST_STEP:
+            raise GeometryError(
+                f"twist {velocity.tolist()} over {duration:g} s is a step of {np.abs(step).max():.3g} m or rad; "
+                f"allowed are {_LONGEST_STEP:g}"
+            )
         rotation_vector = step[3:]
         turn = Rotation.from_rotvec(rotation_vector).as_matrix()
         # Renormalised through the quaternion, so that millions of steps do not drift off SO(3).
