@@ -1,0 +1,93 @@
+"""Parameters that describe the scene: the observed lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from plsing_ros.errors import ParameterError, PlsingError
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.parameters.parameter_set import ParameterSet, parameter
+
+_INT32 = {"minimum": -(2**31), "maximum": 2**31 - 1}
+
+
+@dataclass(frozen=True)
+class SceneParameters(ParameterSet):
+    """The lines of the scene as flat arrays, row i of each belonging to line i; at least one line.
+
+    The default is empty, which `lines` refuses: a scene must be given.
+    """
+
+    lines_points: tuple[float, ...] = parameter(
+        (), "lines.points", "A point on each line, in the scene frame (x1, y1, z1, x2, ...)", unit="m"
+    )
+    lines_directions: tuple[float, ...] = parameter(
+        (),
+        "lines.directions",
+        "Direction of each line, in the scene frame, of any length but zero; its sign orients the line "
+        "(x1, y1, z1, x2, ...)",
+    )
+    lines_ids: tuple[int, ...] = parameter(
+        (), "lines.ids", "Distinct id of each line, as in line_features; if empty: 1 to n", **_INT32
+    )
+    scene_frame: str = parameter(
+        "world", "scene_frame", "Name of the frame of the lines and of camera_pose", live=False
+    )
+    camera_frame: str = parameter(
+        "camera_optical_frame",
+        "camera_frame",
+        "Name of the camera's optical frame (z forward, x right, y down), of line_features and cmd_twist",
+        live=False,
+    )
+
+    def check(self) -> None:
+        """Refuse a scene whose arrays do not describe lines."""
+        if not self.lines_points and not self.lines_directions:
+            raise ParameterError(
+                "parameters 'lines.points' and 'lines.directions' are empty: no scene given; "
+                "start the node with a parameter file, for example --ros-args --params-file config/paper_p4l.yaml"
+            )
+        if len(self.lines_points) % 3 or len(self.lines_points) != len(self.lines_directions):
+            raise ParameterError(
+                f"parameters 'lines.points' and 'lines.directions' have {len(self.lines_points)} and "
+                f"{len(self.lines_directions)} numbers; they must have 3 for each line, and as many as each other"
+            )
+        try:
+            self.lines()
+        except PlsingError as error:
+            raise ParameterError(f"parameters 'lines.*': {error}") from None
+
+    def lines(self) -> LineSet:
+        """Return the lines in the scene frame."""
+        return LineSet.from_points_directions(
+            np.reshape(self.lines_points, (-1, 3)),
+            np.reshape(self.lines_directions, (-1, 3)),
+            self.scene_frame,
+            self.lines_ids,
+        )
+
+
+def pose_from_parameters(
+    what: str, position: tuple[float, ...], orientation: tuple[float, ...]
+) -> Pose:
+    """Return a pose given as position and quaternion parameters.
+
+    Args:
+        what: Name that the two parameters share, for the message: "<what>.position", "<what>.orientation".
+        position: x, y, z [m].
+        orientation: Unit quaternion x, y, z, w.
+
+    Raises:
+        ParameterError: If they are not of length 3 and 4, or the quaternion is not of unit length.
+    """
+    if len(position) != 3 or len(orientation) != 4:
+        raise ParameterError(
+            f"parameters '{what}.position' and '{what}.orientation' have {len(position)} and {len(orientation)} numbers; "
+            "they must have 3 (x, y, z) and 4 (quaternion x, y, z, w)"
+        )
+    try:
+        return Pose.from_quaternion(position, orientation)
+    except PlsingError as error:
+        raise ParameterError(f"parameters '{what}.position', '{what}.orientation': {error}") from None

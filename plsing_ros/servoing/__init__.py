@@ -1,0 +1,1 @@
+"""Control law, controller cycle, monitor and simulated camera, without ROS."""

@@ -1,0 +1,57 @@
+"""A free-flying camera that sees lines and moves as it is told."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.features import LineObservation
+from plsing_ros.geometry import LineSet, Pose
+
+
+class SimulatedCamera:
+    """Pose of a camera, what it sees of a scene, and its exact motion under constant twists.
+
+    Attributes:
+        lines: The scene, in the world frame.
+        T_world_camera: Where the camera is.
+    """
+
+    def __init__(self, lines: LineSet, T_world_camera: Pose, frame: str, noise: float = 0.0, seed: int = 0) -> None:
+        """Place a camera.
+
+        Args:
+            lines: The scene, in the world frame.
+            T_world_camera: Start pose of the optical frame.
+            frame: Name of the optical frame.
+            noise: Standard deviation of Gaussian noise on every Plücker coordinate of the lines in the camera frame
+                (unit direction and moment in m). The noisy coordinates are brought back to a line: the direction to
+                unit length, the moment orthogonal to it.
+            seed: Seed of the one generator that all noise comes from.
+        """
+        self.lines = lines
+        self.T_world_camera = T_world_camera
+        self.noise = noise
+        self._frame = frame
+        self._generator = np.random.default_rng(seed)
+
+    def observe(self) -> LineObservation:
+        """Return what the camera sees now; draws new noise at every call."""
+        lines = self.lines.transformed(self.T_world_camera.inverse(), self._frame)
+        return LineObservation.of_lines(self._noisy(lines) if self.noise > 0.0 else lines)
+
+    def move(self, twist: Array, duration: float) -> None:
+        """Move with a constant twist (v, omega) in the optical frame, shape (6,) [m/s, rad/s], for duration [s].
+
+        Raises:
+            GeometryError: If the twist is not finite, or the camera would leave the range of finite numbers; it then
+                stays where it was.
+        """
+        self.T_world_camera = self.T_world_camera.moved(twist, duration)
+
+    def _noisy(self, lines: LineSet) -> LineSet:
+        direction = lines.direction + self._generator.normal(scale=self.noise, size=(len(lines), 3))
+        moment = lines.moment + self._generator.normal(scale=self.noise, size=(len(lines), 3))
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        moment -= np.einsum("ij,ij->i", moment, direction)[:, np.newaxis] * direction
+        return LineSet(direction, moment, lines.frame, lines.ids)
