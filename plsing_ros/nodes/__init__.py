@@ -1,0 +1,1 @@
+"""The ROS nodes: they convert, delegate and publish. The only place that imports rclpy or messages."""

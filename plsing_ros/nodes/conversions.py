@@ -1,0 +1,258 @@
+"""Between messages and the core's values."""
+
+from __future__ import annotations
+
+import array
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, PoseWithCovarianceStamped, Twist, TwistStamped
+from std_msgs.msg import Header
+
+from plsing_msgs.msg import (
+    ControllerState,
+    LineFeatureArray,
+    SingularityAlert,
+    SingularityStatus,
+    SingularLoci,
+)
+from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
+from plsing_ros.arrays import Array, checked_array
+from plsing_ros.errors import GeometryError, ObservationError
+from plsing_ros.features import LineObservation
+from plsing_ros.geometry import Pose
+from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.line_servo import Command
+from plsing_ros.servoing.singularity_monitor import Assessment
+from plsing_ros.singularities import Kind, LocusDistance, SingularSet
+
+_SECOND = 1_000_000_000
+_LOCUS_KINDS = {
+    Kind.TRANSVERSAL: LocusDistanceMessage.TRANSVERSAL,
+    Kind.ISOLATED_POINT: LocusDistanceMessage.ISOLATED_POINT,
+    Kind.OBSERVED_LINE: LocusDistanceMessage.OBSERVED_LINE,
+    Kind.PLANE: LocusDistanceMessage.PLANE,
+    Kind.QUADRIC: LocusDistanceMessage.QUADRIC,
+    Kind.CUBIC: LocusDistanceMessage.CUBIC,
+}
+
+
+def nanoseconds(stamp: Time) -> int:
+    """Return a stamp in nanoseconds."""
+    return int(stamp.sec) * _SECOND + int(stamp.nanosec)
+
+
+def time_message(stamp: int) -> Time:
+    """Return a stamp given in nanoseconds."""
+    seconds, rest = divmod(stamp, _SECOND)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def header(stamp: int, frame: str) -> Header:
+    """Return a header for a stamp in nanoseconds."""
+    return Header(stamp=time_message(stamp), frame_id=frame)
+
+
+def flat(values: Array) -> array.array[float]:
+    """Return values row by row as the array type that message fields take without a copy for each element."""
+    return array.array("d", np.ascontiguousarray(values, dtype=float).tobytes())
+
+
+def features_message(observation: LineObservation, head: Header) -> LineFeatureArray:
+    """Return the message of an observation that has 3-D lines for its usable rows."""
+    n = len(observation.ids)
+    directions, moments = np.zeros((n, 3)), np.zeros((n, 3))
+    if observation.lines_camera is not None:
+        directions[observation.usable] = observation.lines_camera.direction
+        moments[observation.usable] = observation.lines_camera.moment
+    return LineFeatureArray(
+        header=head,
+        ids=list(observation.ids),
+        image_lines=flat(observation.image_lines),
+        directions=flat(directions),
+        moments=flat(moments),
+        visible=observation.usable.astype(np.uint8).tobytes(),
+    )
+
+
+def observation_from_message(message: LineFeatureArray, frame: str) -> LineObservation:
+    """Return the observation that a message in the given frame carries.
+
+    Raises:
+        ObservationError: If the frame is another one, lengths do not fit, a value is not finite, or ids repeat.
+    """
+    if message.header.frame_id != frame:
+        raise ObservationError(
+            f"line features are in frame '{message.header.frame_id}', expected '{frame}' (parameter camera_frame)"
+        )
+    n = len(message.ids)
+    if n == 0:
+        raise ObservationError("the feature message has no lines")
+    for name, allowed in (
+        ("image_lines", (3 * n,)),
+        ("directions", (0, 3 * n)),
+        ("moments", (len(message.directions),)),
+        ("visible", (0, n)),
+    ):
+        if len(getattr(message, name)) not in allowed:
+            raise ObservationError(
+                f"field '{name}' of the feature message has {len(getattr(message, name))} numbers for {n} lines; "
+                f"expected {' or '.join(map(str, allowed))}"
+            )
+    visible = np.array(message.visible, dtype=bool) if len(message.visible) else np.ones(n, dtype=bool)
+    rows = [_rows(name, getattr(message, name), n) for name in ("image_lines", "directions", "moments")]
+    image_lines, directions, moments = rows
+    return LineObservation.from_rows(
+        tuple(message.ids), image_lines, directions, moments, visible, frame
+    )
+
+
+def _rows(name: str, values: array.array[float], n: int) -> Array | None:
+    return checked_array(name, np.frombuffer(values).reshape(n, 3), (n, 3), ObservationError) if len(values) else None
+
+
+def twist_message(twist: Array) -> Twist:
+    """Return a twist (v, omega), shape (6,)."""
+    message = Twist()
+    message.linear.x, message.linear.y, message.linear.z = map(float, twist[:3])
+    message.angular.x, message.angular.y, message.angular.z = map(float, twist[3:])
+    return message
+
+
+def twist_stamped(twist: Array, head: Header) -> TwistStamped:
+    """Return a stamped twist (v, omega) in the frame of the header."""
+    return TwistStamped(header=head, twist=twist_message(twist))
+
+
+def twist_from_message(message: TwistStamped, frame: str) -> Array:
+    """Return (v, omega), shape (6,).
+
+    Raises:
+        GeometryError: If a value is not finite, or the twist is in another frame.
+    """
+    if message.header.frame_id != frame:
+        raise GeometryError(
+            f"cmd_twist is in frame '{message.header.frame_id}', expected '{frame}' (parameter camera_frame)"
+        )
+    linear, angular = message.twist.linear, message.twist.angular
+    return checked_array("cmd_twist", [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z], (6,))
+
+
+def camera_pose_message(T_world_camera: Pose, head: Header) -> PoseWithCovarianceStamped:
+    """Return the camera's pose in the frame of the header; exactly known, so of zero covariance."""
+    message = PoseWithCovarianceStamped(header=head)
+    pose = message.pose.pose
+    pose.position = point_message(T_world_camera.translation)
+    quaternion = T_world_camera.quaternion_xyzw
+    (
+        pose.orientation.x,
+        pose.orientation.y,
+        pose.orientation.z,
+        pose.orientation.w,
+    ) = map(float, quaternion)
+    return message
+
+
+def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str) -> Pose:
+    """Return T_world_camera.
+
+    Raises:
+        GeometryError: If a value is not finite, the quaternion is not of unit length, or the frame is another one.
+    """
+    if message.header.frame_id != frame:
+        raise GeometryError(f"camera_pose is in frame '{message.header.frame_id}', expected '{frame}' (parameter scene_frame)")
+    position, q = message.pose.pose.position, message.pose.pose.orientation
+    return Pose.from_quaternion([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])
+
+
+def point_message(point: Array) -> Point:
+    """Return a point, shape (3,) [m]."""
+    return Point(x=float(point[0]), y=float(point[1]), z=float(point[2]))
+
+
+def controller_state_message(command: Command, head: Header) -> ControllerState:
+    """Return the state that goes with a command."""
+    return ControllerState(
+        header=head,
+        mode=int(command.mode),
+        reason=command.reason,
+        error_norm=command.error_norm,
+        linear_speed=float(np.linalg.norm(command.twist[:3])),
+        angular_speed=float(np.linalg.norm(command.twist[3:])),
+        inverse_condition_number=command.inverse_condition_number,
+    )
+
+
+def status_message(assessment: Assessment, found: SingularSet, frame: str) -> SingularityStatus:
+    """Return the status of an assessment; what is not known is flagged and zero."""
+    message = SingularityStatus(
+        header=header(assessment.stamp, frame),
+        level=int(assessment.level),
+        reason=assessment.reason,
+        line_count=assessment.line_count,
+        nearest=locus_distance_message(assessment.nearest),
+    )
+    numbers = assessment.conditioning
+    if numbers is not None:
+        message.inverse_condition_number = numbers.inverse_condition_number
+        message.scaled_inverse_condition_number = numbers.scaled_inverse_condition_number
+        message.characteristic_length = numbers.characteristic_length
+        message.singular_values = flat(numbers.singular_values)
+        message.lost_motion_valid = True
+        message.lost_motion = twist_message(numbers.weakest_motion)
+    if assessment.inverse_condition_number_rate is not None:
+        message.rate_valid = True
+        message.inverse_condition_number_rate = assessment.inverse_condition_number_rate
+    if assessment.locus_distances is not None:
+        message.distances_valid = True
+        message.locus_names = list(found.locus_names)
+        message.locus_distances = flat(assessment.locus_distances)
+    return message
+
+
+def alert_message(assessment: Assessment, previous: Level, frame: str) -> SingularityAlert:
+    """Return the alert of a change of level."""
+    numbers = assessment.conditioning
+    return SingularityAlert(
+        header=header(assessment.stamp, frame),
+        level=int(assessment.level),
+        previous_level=int(previous),
+        text=f"{assessment.level.name}: {assessment.reason}",
+        inverse_condition_number=0.0 if numbers is None else numbers.inverse_condition_number,
+        nearest=locus_distance_message(assessment.nearest),
+    )
+
+
+def locus_distance_message(nearest: LocusDistance | None) -> LocusDistanceMessage:
+    """Return the message of a distance, of kind NONE if there is none."""
+    if nearest is None:
+        return LocusDistanceMessage(kind=LocusDistanceMessage.NONE)
+    return LocusDistanceMessage(
+        kind=_LOCUS_KINDS[nearest.kind],
+        name=nearest.name,
+        distance=float(nearest.distance),
+        closest_point=point_message(nearest.closest_point),
+    )
+
+
+
+def loci_message(found: SingularSet, head: Header) -> SingularLoci:
+    """Return the singular set of a scene."""
+    lines = found.lines
+    return SingularLoci(
+        header=head,
+        line_ids=list(lines.ids),
+        line_points=flat(lines.point),
+        line_directions=flat(lines.direction),
+        description=found.description,
+        transversal_names=[each.name for each in found.transversals],
+        transversal_points=flat(np.array([each.point for each in found.transversals])),
+        transversal_directions=flat(np.array([each.direction for each in found.transversals])),
+        transversal_residuals=flat(np.array([each.residual for each in found.transversals])),
+        isolated_point_names=[
+            name
+            for name, kind in zip(found.locus_names, found.locus_kinds, strict=True)
+            if kind is Kind.ISOLATED_POINT
+        ],
+        isolated_points=flat(found.isolated_points),
+        isolated_point_residuals=flat(found.isolated_point_residuals),
+    )

@@ -1,0 +1,119 @@
+"""Node feature_simulator: the line features of a free-flying camera that moves by the twists it receives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
+
+from plsing_msgs.msg import LineFeatureArray, SimulatorState, SingularityStatus
+from plsing_ros.errors import PlsingError
+from plsing_ros.nodes import qos
+from plsing_ros.nodes.conversions import (
+    camera_pose_message,
+    features_message,
+    header,
+    nanoseconds,
+    time_message,
+    twist_from_message,
+    twist_message,
+)
+from plsing_ros.nodes.parameterized_node import ParameterizedNode
+from plsing_ros.nodes.run import run_node
+from plsing_ros.parameters import SimulatorParameters
+from plsing_ros.servoing.simulation import Simulation
+
+
+class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
+    """Publishes line_features and camera_pose, integrates cmd_twist; ~/reset puts the camera back to its start."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("feature_simulator", SimulatorParameters, **options)
+        parameters = self.parameters
+        self._lockstep = parameters.mode == "lockstep"
+        self._simulation = Simulation(parameters)
+        self._features = self.publish_on(LineFeatureArray, "line_features", qos.SENSOR_DATA)
+        self._pose = self.publish_on(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
+        self._state = self.publish_on(SimulatorState, "~/state", qos.STATUS)
+        self._clock_topic = (
+            self.create_publisher(Clock, "/clock", qos.CLOCK) if self._lockstep and parameters.publish_clock else None
+        )
+        self.listen_to(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND)
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        if self._lockstep:
+            if parameters.wait_for_status:
+                self.listen_to(SingularityStatus, "singularity_status", self._on_status, qos.STATUS)
+            self.every(parameters.resend_period, self._on_resend_timer)
+        else:
+            self.create_timer(parameters.time_step, self._on_step_timer)
+
+    def apply(self, parameters: SimulatorParameters) -> None:
+        """Use a changed scene or noise from the next frame on, a changed start pose at the next reset."""
+        self._simulation.apply(parameters)
+
+    def _on_twist(self, message: TwistStamped) -> None:
+        try:
+            twist = twist_from_message(message, self.parameters.camera_frame)
+            self._simulation.receive_twist(twist, nanoseconds(message.header.stamp))
+        except PlsingError as error:
+            self._simulation.refuse_twist(str(error))
+            self.get_logger().warning(f"cmd_twist refused: {error}", throttle_duration_sec=1.0)
+        self._advance_in_lockstep()
+
+    def _on_status(self, message: SingularityStatus) -> None:
+        self._simulation.receive_status(nanoseconds(message.header.stamp))
+        self._advance_in_lockstep()
+
+    def _on_step_timer(self) -> None:
+        self._simulation.step_in_realtime(self.now())
+        self._publish_frame()
+
+    def _on_resend_timer(self) -> None:
+        if self._simulation.idle_since_last_call():
+            self._publish_frame()
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._simulation.reset()
+        response.success, response.message = True, "the camera is at its start"
+        if self._lockstep:
+            self._publish_frame()
+        return response
+
+    def _advance_in_lockstep(self) -> None:
+        if self._lockstep and self._simulation.step_in_lockstep():
+            self._publish_frame()
+
+    def _publish_frame(self) -> None:
+        frame = self._simulation.frame()
+        parameters = self.parameters
+        if self._clock_topic is not None:
+            self._clock_topic.publish(Clock(clock=time_message(frame.stamp)))
+        in_scene = header(frame.stamp, parameters.scene_frame)
+        self._pose.publish(camera_pose_message(frame.T_world_camera, in_scene))
+        self._features.publish(features_message(frame.observation, header(frame.stamp, parameters.camera_frame)))
+        self._state.publish(
+            SimulatorState(
+                header=in_scene,
+                mode=SimulatorState.LOCKSTEP if self._lockstep else SimulatorState.REALTIME,
+                step=frame.step,
+                waiting=bool(frame.reason),
+                reason=frame.reason,
+                twist=twist_message(np.asarray(frame.twist)),
+            )
+        )
+
+
+_EXAMPLES = """examples:
+  ros2 run plsing_ros feature_simulator --ros-args --params-file config/paper_p4l.yaml
+  ros2 run plsing_ros feature_simulator --ros-args --params-file config/paper_p4l.yaml -p noise:=0.002
+  ros2 service call /feature_simulator/reset std_srvs/srv/Trigger
+
+All parameters with units and ranges: config/feature_simulator.yaml"""
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(FeatureSimulator, __doc__.split("\n")[0], _EXAMPLES)

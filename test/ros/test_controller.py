@@ -1,0 +1,191 @@
+"""The controller by itself: the law, the target, and every reason not to move."""
+
+import numpy as np
+import pytest
+from builders import TARGET, features, plain_twist, start_pose, time_of, twist_values
+from geometry_msgs.msg import TwistStamped
+from std_srvs.srv import SetBool
+
+from plsing_msgs.msg import ControllerState, LineFeatureArray
+from plsing_ros.nodes import qos
+from plsing_ros.nodes.controller import Controller
+
+
+class Loop:
+    """Sends features to a controller and receives what it commands."""
+
+    def __init__(self, ros, paper, **parameters):
+        self.ros = ros
+        self.twists = ros.collect(TwistStamped, "cmd_twist")
+        self.states = ros.collect(ControllerState, "controller/state")
+        # Long, so that a slow machine does not make features stale between two lines of a test.
+        self.node = ros.add(Controller, paper, {"features_timeout": 5.0, **parameters})
+        self.features = ros.publisher(LineFeatureArray, "line_features")
+
+    def now(self):
+        return self.ros.node.get_clock().now().to_msg()
+
+    def answer(self, message):
+        """Send features and return the twist and the state that answer them."""
+        self.features.publish(message)
+
+        def answered(collected):
+            return next((each for each in reversed(collected) if each.header.stamp == message.header.stamp), None)
+
+        self.ros.spin_until(lambda: answered(self.twists) and answered(self.states), "an answer to the features")
+        return answered(self.twists), answered(self.states)
+
+
+@pytest.fixture
+def loop(ros, paper):
+    return Loop(ros, paper)
+
+
+def assert_halts(loop, message, *words):
+    command, state = loop.answer(message)
+    assert np.all(twist_values(command) == 0.0)
+    assert state.mode == ControllerState.HALTED
+    for word in words:
+        assert word in state.reason
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_commands_the_law_of_the_paper(loop, number):
+    command, state = loop.answer(features(start_pose(number), loop.now()))
+    expected = plain_twist(start_pose(number))
+    np.testing.assert_allclose(twist_values(command), expected, rtol=1e-6, atol=1e-9)
+    assert command.header.frame_id == "camera_optical_frame"
+    assert (state.mode, state.reason) == (ControllerState.SERVOING, "")
+    assert state.linear_speed == pytest.approx(np.linalg.norm(expected[:3]))
+    assert 1e-4 < state.inverse_condition_number < 1e-3
+
+
+def test_is_converged_at_the_target(loop):
+    command, state = loop.answer(features(TARGET, loop.now()))
+    assert state.mode == ControllerState.CONVERGED and state.error_norm < 1e-9
+    np.testing.assert_allclose(twist_values(command), 0.0, atol=1e-6)
+
+
+def test_matches_lines_by_id_in_any_order_and_number(loop):
+    reordered = features(start_pose(1), loop.now(), ids=(3, 1, 4, 2))
+    np.testing.assert_allclose(twist_values(loop.answer(reordered)[0]), plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
+    three, state = loop.answer(features(start_pose(1), loop.now(), ids=(1, 2, 4)))
+    assert state.mode == ControllerState.SERVOING and np.any(twist_values(three) != 0.0)
+
+
+def test_a_target_from_a_topic(ros, paper):
+    loop = Loop(ros, paper, **{"target.source": "topic"})
+    loop.features.publish(features(start_pose(1), loop.now()))
+    loop.ros.spin_until(lambda: loop.states and "no desired features" in loop.states[-1].reason, "the missing target")
+    assert loop.states[-1].mode == ControllerState.WAITING
+    desired = loop.ros.publisher(LineFeatureArray, "desired_line_features", qos.LATCHED)
+    desired.publish(features(TARGET, 0))
+    loop.ros.spin_for(0.2)
+    command, state = loop.answer(features(start_pose(1), loop.now()))
+    np.testing.assert_allclose(twist_values(command), plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
+
+
+def test_commands_nothing_before_any_features(loop):
+    loop.ros.spin_until(lambda: len(loop.states) >= 2, "the watchdog")
+    assert loop.states[-1].mode == ControllerState.WAITING
+    assert loop.states[-1].reason == "no features received yet"
+    assert loop.twists == []
+
+
+def test_silence_after_unusable_features_names_them(ros, paper):
+    loop = Loop(ros, paper, features_timeout=0.1)
+    bad = features(start_pose(1), loop.now(), ids=(1, 2))
+    assert_halts(loop, bad, "only 2 usable")
+    loop.ros.spin_until(lambda: "no features for" in loop.states[-1].reason, "the watchdog")
+    assert "the latest were refused: only 2 usable" in loop.states[-1].reason
+
+
+def test_commands_zero_when_features_stop(ros, paper):
+    loop = Loop(ros, paper, features_timeout=0.1)
+    loop.answer(features(start_pose(1), loop.now()))
+    loop.ros.spin_until(lambda: loop.states[-1].mode == ControllerState.HALTED, "the watchdog")
+    assert "no features for" in loop.states[-1].reason and "allowed are 0.1 s" in loop.states[-1].reason
+    assert np.all(twist_values(loop.twists[-1]) == 0.0)
+    _, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.SERVOING  # a halt can be left
+
+
+def change(**fields):
+    def apply(message):
+        for name, value in fields.items():
+            setattr(message, name, value)
+
+    return apply
+
+
+def set_number(field, index, value):
+    def apply(message):
+        getattr(message, field)[index] = value
+
+    return apply
+
+
+def set_frame(message):
+    message.header.frame_id = "base_link"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (set_number("image_lines", 4, float("nan")), ("image_lines[1, 1] is nan",)),
+        (set_number("directions", 0, float("inf")), ("directions[0, 0] is inf",)),
+        (set_number("moments", 11, -float("inf")), ("moments[3, 2] is -inf",)),
+        (set_number("directions", 0, 5.0), ("line 1: direction", "expected 1")),
+        (set_number("image_lines", 0, 7.0), ("image line 1", "normalised")),
+        (change(image_lines=[1.0] * 11), ("'image_lines'", "11 numbers for 4 lines; expected 12")),
+        (change(directions=[1.0] * 3), ("'directions'", "expected 0 or 12")),
+        (change(directions=[], moments=[]), ("no 3-D lines",)),
+        (change(visible=[1, 1]), ("'visible'", "expected 0 or 4")),
+        (change(visible=[1, 1, 0, 0]), ("only 2 usable", "at least 3")),
+        (change(visible=[0, 0, 0, 0]), ("none of the observed lines is usable",)),
+        (change(ids=[1, 2, 2, 4]), ("id 2 is given to more than one line",)),
+        (change(ids=[7, 8, 9, 10]), ("only 0 usable", "target: [1, 2, 3, 4]")),
+        (change(ids=[]), ("no lines",)),
+        (set_frame, ("frame 'base_link', expected 'camera_optical_frame'",)),
+    ],
+)
+def test_unusable_features_command_zero_and_say_why(loop, spoil, words):
+    message = features(start_pose(1), loop.now())
+    spoil(message)
+    assert_halts(loop, message, *words)
+    _, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.SERVOING
+
+
+def test_stamps_that_are_not_to_be_trusted_command_zero(loop):
+    assert_halts(loop, features(start_pose(1), 0), "no stamp")
+    assert_halts(loop, features(start_pose(1), 12.5), "s old, allowed are 5 s", "use_sim_time")
+    ahead = loop.now()
+    ahead.sec += 100
+    assert_halts(loop, features(start_pose(1), ahead), "ahead of the clock", "use_sim_time")
+    earlier = loop.now()
+    loop.answer(features(start_pose(1), loop.now()))
+    assert_halts(loop, features(start_pose(1), earlier), "out of order")
+
+
+def test_switched_off_it_commands_zero_until_switched_on(loop):
+    assert loop.ros.call(SetBool, "controller/enable", SetBool.Request(data=False)).success
+    command, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.DISABLED and np.all(twist_values(command) == 0.0)
+    assert loop.ros.call(SetBool, "controller/enable", SetBool.Request(data=True)).success
+    command, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.SERVOING
+
+
+def test_stopping_commands_zero(loop):
+    loop.answer(features(start_pose(1), loop.now()))
+    loop.twists.clear()
+    loop.node.stop()
+    loop.ros.spin_until(lambda: loop.twists, "the last twist")
+    assert np.all(twist_values(loop.twists[0]) == 0.0)
+
+
+def test_stamp_of_the_answer_is_that_of_the_features(loop):
+    stamp = loop.now()
+    command, state = loop.answer(features(start_pose(1), stamp))
+    assert command.header.stamp == state.header.stamp == time_of(stamp)

@@ -1,0 +1,142 @@
+"""The executables as processes, as `ros2 run` starts them: with parameter files, signals and exit codes."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import twist_values
+from geometry_msgs.msg import TwistStamped
+
+from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus
+from plsing_ros.experiments.config_files import config_file
+from plsing_ros.nodes import qos
+from plsing_ros.nodes.harness import Harness
+
+NODES = ["feature_simulator", "controller", "singularity_monitor"]
+PAPER = ["--ros-args", "--params-file", str(config_file("paper_p4l.yaml"))]
+
+
+def executable(name):
+    """Where `ros2 run plsing_ros <name>` finds it: lib/plsing_ros of a prefix."""
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    found = [Path(prefix) / "lib" / "plsing_ros" / name for prefix in prefixes if prefix]
+    existing = [path for path in found if path.is_file()]
+    assert existing, f"{name} is in none of {found}"
+    return existing[0]
+
+
+@pytest.fixture
+def ros():
+    with Harness() as harness:
+        yield harness
+
+
+@pytest.fixture
+def start(ros, tmp_path):
+    """Start executables in the harness's domain; end them, however the test ends."""
+    processes = []
+
+    def start_process(name, *arguments):
+        stderr = (tmp_path / f"{name}_{len(processes)}.log").open("w+")
+        process = subprocess.Popen(
+            [executable(name), *arguments], env=ros.environment(), stdout=stderr, stderr=subprocess.STDOUT, text=True
+        )
+        process.log = stderr
+        processes.append(process)
+        return process
+
+    yield start_process
+    for process in processes:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+        process.log.close()
+
+
+def output_of(process):
+    process.log.seek(0)
+    return process.log.read()
+
+
+def test_the_nodes_as_processes_talk_to_a_subscriber_in_another_process(ros, start):
+    features = ros.collect(LineFeatureArray, "line_features")
+    twists = ros.collect(TwistStamped, "cmd_twist", qos.STATUS)
+    statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
+    alerts = ros.collect(SingularityAlert, "singularity_alerts", qos.LATCHED)
+    processes = [start(name, *PAPER) for name in NODES]
+    ros.spin_until(
+        lambda: features
+        and any(np.any(twist_values(each) != 0.0) for each in twists)
+        and any(each.distances_valid for each in statuses)
+        and any(each.level == SingularityStatus.OK for each in alerts),
+        "features, a twist, a status with distances and an alert",
+        30.0,
+    )
+    moment = features[-1].moments
+    ros.spin_until(lambda: list(features[-1].moments) != list(moment), "the camera to move")
+    for process in processes:
+        assert process.poll() is None, output_of(process)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_controller_with_a_zero_twist_and_exit_code_0(ros, start, number):
+    twists = ros.collect(TwistStamped, "cmd_twist", qos.STATUS)
+    states = ros.collect(ControllerState, "controller/state", qos.STATUS)
+    start("feature_simulator", *PAPER)
+    controller = start("controller", *PAPER)
+    ros.spin_until(lambda: states and states[-1].mode == ControllerState.SERVOING, "servoing", 30.0)
+    controller.send_signal(number)
+    ros.spin_until(lambda: controller.poll() is not None, "the end of the process")
+    ros.spin_for(0.2)
+    assert controller.returncode == 0, output_of(controller)
+    assert "Traceback" not in output_of(controller)
+    assert np.all(twist_values(twists[-1]) == 0.0)
+    assert states[-1].reason == "the controller shuts down"
+
+
+@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (PAPER + ["-p", "gian:=1.0"], "unknown parameter 'gian'"),
+        (PAPER + ["-p", "scene_frame:=1.0"], "parameter 'scene_frame' is 1.0; it must be a text"),
+        ([], "no scene given; start the node with a parameter file"),
+        (["--ros-args", "--params-file", "/nowhere.yaml"], "/nowhere.yaml"),
+        (["--ros-args", "-p", "nonsense"], "nonsense"),
+    ],
+    ids=["unknown", "wrong type", "no scene", "no file", "bad argument"],
+)
+def test_bad_input_is_one_line_and_exit_code_2(start, name, arguments, message):
+    process = start(name, *arguments)
+    assert process.wait(30.0) == 2, output_of(process)
+    output = output_of(process)
+    assert message in output
+    assert "Traceback" not in output
+    assert len(output.strip().splitlines()) == 1, output
+    assert output.startswith(f"{name}: ")
+
+
+@pytest.mark.parametrize("name", [*NODES, "demo"])
+def test_help_has_examples_and_is_quick_to_tell(start, name):
+    process = start(name, "--help")
+    assert process.wait(30.0) == 0
+    assert re.search(r"examples:\n  \S+", output_of(process))
+
+
+def test_an_unknown_option_names_itself(start):
+    process = start("controller", "--fast")
+    assert process.wait(30.0) == 2
+    assert "unrecognized arguments: --fast" in output_of(process)
+
+
+def test_a_generated_parameter_file_before_a_scene_is_accepted(ros, start):
+    statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
+    for name in NODES:
+        files = ["--params-file", str(config_file(f"{name}.yaml")), *PAPER[1:]]
+        start(name, "--ros-args", *files)
+    ros.spin_until(lambda: any(each.distances_valid for each in statuses), "a status with distances", 30.0)

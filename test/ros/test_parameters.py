@@ -1,0 +1,144 @@
+"""Parameters over the real parameter services: refused at the start, refused or taken live, described."""
+
+import numpy as np
+import pytest
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
+
+from plsing_msgs.msg import SingularLoci
+from plsing_ros.errors import ParameterError
+from plsing_ros.nodes import qos
+from plsing_ros.nodes.controller import Controller
+from plsing_ros.nodes.feature_simulator import FeatureSimulator
+from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+
+NODES = [FeatureSimulator, Controller, SingularityMonitor]
+
+
+@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"gian": 0.5}, "unknown parameter 'gian'"),
+        ({"lines.points": [0.0, 0.0]}, "have 2 and 12 numbers"),
+        ({"lines.directions": [0.0] * 12}, "line 1: its direction is zero"),
+        ({"lines.ids": [1, 1, 2, 3]}, "id 1 is given to more than one line"),
+        ({"lines.ids": [1, 2, 3, 2**40]}, "allowed: -2147483648 to 2147483647"),
+        ({"scene_frame": 5}, "parameter 'scene_frame' is 5; it must be a text"),
+    ],
+)
+def test_a_bad_start_is_refused(ros, paper, node, parameters, message):
+    with pytest.raises(ParameterError, match=message):
+        ros.add(node, paper, parameters)
+
+
+@pytest.mark.parametrize(
+    ("node", "parameters", "message"),
+    [
+        (Controller, {"gain": -1.0}, "parameter 'gain' is -1.0 1/s; allowed: 1e-06 to 1000 1/s"),
+        (Controller, {"gain": float("nan")}, "parameter 'gain' is nan; it must be finite"),
+        (Controller, {"gain": "fast"}, "parameter 'gain' is 'fast'; it must be a number 1/s"),
+        (Controller, {"gain": True}, "parameter 'gain' is True; it must be a number"),
+        (Controller, {"gian": 1.0}, "did you mean 'gain'?"),
+        (Controller, {"target.source": "psychic"}, "allowed: one of pose, topic"),
+        (Controller, {"target.orientation": [1.0, 1.0, 0.0, 0.0]}, "has length 1.41421, expected 1"),
+        (Controller, {"target.position": [1.0]}, "have 1 and 4 numbers"),
+        (FeatureSimulator, {"mode": "fast"}, "allowed: one of realtime, lockstep"),
+        (FeatureSimulator, {"seed": 1.5}, "parameter 'seed' is 1.5; it must be a whole number"),
+        (FeatureSimulator, {"time_step": 0.0}, "allowed: 0.0001 to 10 s"),
+        (SingularityMonitor, {"warn.distance": 0.01}, "below 'critical.distance' = 0.02"),
+    ],
+)
+def test_values_out_of_range_are_refused(ros, paper, node, parameters, message):
+    with pytest.raises(ParameterError) as caught:
+        ros.add(node, paper, parameters)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_without_a_scene_it_says_how_to_give_one(ros, node):
+    with pytest.raises(ParameterError, match="no scene given; start the node with a parameter file"):
+        ros.add(node)
+
+
+def test_a_target_in_a_line_is_refused(ros, paper):
+    target = {"target.position": [3.0, 0.0, 0.0], "lines.ids": [1, 2, 3, 4]}
+    on_the_first_line = ros.add(Controller, paper, target)  # three of four lines are still seen
+    ros.remove(on_the_first_line)
+    three = {
+        "lines.points": [0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 3.0, 5.0, 0.0],
+        "lines.directions": [1.0, 0.0, 0.0, 4.0, -5.0, 0.0, 3.0, 7.0, 3.0],
+        "lines.ids": [1, 2, 3],
+    }
+    with pytest.raises(Exception, match=r"target pose: only 2 usable line\(s\)"):
+        ros.add(Controller, paper, {**target, **three})
+
+
+def value_of(value):
+    if isinstance(value, bool):
+        return ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
+    if isinstance(value, float):
+        return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+    if isinstance(value, int):
+        return ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value)
+    return ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=value)
+
+
+def set_live(ros, node, **values):
+    request = SetParametersAtomically.Request(
+        parameters=[
+            ParameterMessage(name=name.replace("__", "."), value=value_of(value)) for name, value in values.items()
+        ]
+    )
+    return ros.call(SetParametersAtomically, f"{node}/set_parameters_atomically", request).result
+
+
+def test_live_changes_are_taken_or_refused_as_a_whole(ros, paper):
+    node = ros.add(SingularityMonitor, paper)
+    assert set_live(ros, "singularity_monitor", warn__distance=0.5, critical__distance=0.3).successful
+    assert (node.parameters.warn_distance, node.parameters.critical_distance) == (0.5, 0.3)
+    refused = set_live(ros, "singularity_monitor", warn__distance=0.9, hysteresis=0.5)
+    assert not refused.successful
+    assert node.parameters.warn_distance == 0.5
+    refused = set_live(ros, "singularity_monitor", warn__distance=0.1)
+    assert not refused.successful and "below 'critical.distance' = 0.3" in refused.reason
+    assert node.get_parameter("warn.distance").value == 0.5
+
+
+def test_a_whole_number_is_taken_for_a_length(ros, paper):
+    node = ros.add(SingularityMonitor, paper)
+    assert set_live(ros, "singularity_monitor", warn__distance=2).successful
+    assert node.parameters.warn_distance == 2.0
+
+
+def test_what_is_fixed_at_the_start_cannot_be_changed(ros, paper):
+    ros.add(FeatureSimulator, paper)
+    assert not set_live(ros, "feature_simulator", time_step=0.1).successful
+
+
+def test_a_changed_scene_has_its_loci_published_again(ros, paper):
+    ros.add(SingularityMonitor, paper)
+    loci = ros.collect(SingularLoci, "singular_loci", qos.LATCHED)
+    ros.spin_until(lambda: len(loci) == 1, "the latched loci")
+    moved = [each + 1.0 for each in loci[0].line_points]
+    assert set_live(ros, "singularity_monitor", lines__points=moved).successful
+    ros.spin_until(lambda: len(loci) == 2, "the loci of the changed scene")
+    np.testing.assert_allclose(
+        np.reshape(loci[1].isolated_points, (-1, 3)), np.reshape(loci[0].isolated_points, (-1, 3)) + 1.0, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_every_parameter_is_described(ros, paper, node):
+    created = ros.add(node, paper)
+    names = list(type(created.parameters).specifications())
+    response = ros.call(
+        DescribeParameters, f"{created.get_name()}/describe_parameters", DescribeParameters.Request(names=names)
+    )
+    for name, descriptor in zip(names, response.descriptors, strict=True):
+        specification = type(created.parameters).specifications()[name][1]
+        assert specification.description in descriptor.description
+        assert not specification.unit or f"[{specification.unit}]" in descriptor.description
+        assert descriptor.additional_constraints == specification.range_text
+        assert descriptor.read_only is not specification.live

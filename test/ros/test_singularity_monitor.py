@@ -1,0 +1,232 @@
+"""The monitor by itself: status, distances, alerts, and what it says when it knows nothing."""
+
+import numpy as np
+import pytest
+from builders import SCENE, features, start_pose
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from std_msgs.msg import Header
+
+from plsing_msgs.msg import (
+    LineFeatureArray,
+    LocusDistance,
+    SingularityAlert,
+    SingularityStatus,
+    SingularLoci,
+)
+from plsing_ros.experiments.near_transversal import ORIENTATION, POINT_ON_TRANSVERSAL
+from plsing_ros.features import rank_basis
+from plsing_ros.geometry import Pose
+from plsing_ros.nodes import qos
+from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+
+
+class Loop:
+    """Sends features and poses to a monitor and receives what it says of them."""
+
+    def __init__(self, ros, paper, **parameters):
+        self.ros = ros
+        self.statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
+        self.alerts = ros.collect(SingularityAlert, "singularity_alerts", qos.LATCHED)
+        self.node = ros.add(SingularityMonitor, paper, {"features_timeout": 5.0, **parameters})
+        self.poses = ros.publisher(PoseWithCovarianceStamped, "camera_pose")
+        self.features = ros.publisher(LineFeatureArray, "line_features")
+
+    def now(self):
+        return self.ros.node.get_clock().now().to_msg()
+
+    def publish_pose(self, pose, stamp, frame="world"):
+        message = PoseWithCovarianceStamped(header=Header(stamp=stamp, frame_id=frame))
+        p, q = message.pose.pose.position, message.pose.pose.orientation
+        p.x, p.y, p.z = map(float, pose.translation)
+        q.x, q.y, q.z, q.w = map(float, pose.quaternion_xyzw)
+        self.poses.publish(message)
+
+    def status_at(self, pose, spoil=lambda message: None, with_pose=True):
+        """Send what a camera there sees, and return the status that answers it."""
+        stamp = self.now()
+        if with_pose:
+            self.publish_pose(pose, stamp)
+            self.ros.spin_for(0.05)  # two topics have no common order
+        message = features(pose, stamp)
+        spoil(message)
+        self.features.publish(message)
+        self.ros.spin_until(
+            lambda: self.statuses and self.statuses[-1].header.stamp == stamp, "the status of these features"
+        )
+        return self.statuses[-1]
+
+
+@pytest.fixture
+def loop(ros, paper):
+    return Loop(ros, paper)
+
+
+def beside_transversal(distance):
+    """A camera at that distance from the paper's point P_M, across its transversal."""
+    along = np.array([0.0, 0.0, 1.0])
+    return Pose.from_quaternion(POINT_ON_TRANSVERSAL + distance * np.cross(along, [1.0, 0, 0]), ORIENTATION)
+
+
+def test_numbers_of_a_status_against_numpy(loop):
+    status = loop.status_at(start_pose(1))
+    assert status.level == SingularityStatus.OK and status.line_count == 4
+    values = np.array(status.singular_values)
+    assert status.inverse_condition_number == pytest.approx(values[-1] / values[0])
+    assert status.inverse_condition_number == pytest.approx(6.553e-4, rel=1e-3)  # an independent implementation's
+    assert status.header.frame_id == "camera_optical_frame"
+    assert status.lost_motion_valid
+    lost = status.lost_motion.linear
+    # Near the transversal the weakest motion is the translation along it.
+    assert np.linalg.norm([lost.x, lost.y, lost.z]) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_distances_are_those_to_where_the_rank_drops(loop):
+    """Each closest point, put into the rank basis, makes it singular: nothing of the solver is used for that."""
+    loci = loop.ros.collect(SingularLoci, "singular_loci", qos.LATCHED)
+    loop.ros.spin_until(lambda: loci, "the latched loci")
+    assert len(loci[0].transversal_names) == 2 and len(loci[0].isolated_point_names) == 6
+    points = [
+        *np.reshape(loci[0].transversal_points, (-1, 3)),
+        *np.reshape(loci[0].isolated_points, (-1, 3)),
+    ]
+    for point in points:
+        values = np.linalg.svd(rank_basis(SCENE, point, normalized=True))[1]
+        assert values[-1] / values[0] < 1e-9
+
+    status = loop.status_at(start_pose(1))
+    assert status.distances_valid
+    names = [*loci[0].transversal_names, *loci[0].isolated_point_names]
+    assert list(status.locus_names)[: len(names)] == names
+    center = start_pose(1).translation
+    for k, (point, direction) in enumerate(
+        zip(np.reshape(loci[0].transversal_points, (-1, 3)), np.reshape(loci[0].transversal_directions, (-1, 3)))
+    ):
+        expected = np.linalg.norm(np.cross(center - point, direction))
+        assert status.locus_distances[k] == pytest.approx(expected, rel=1e-9)
+    assert status.nearest.kind == LocusDistance.TRANSVERSAL
+    assert status.nearest.distance == pytest.approx(min(status.locus_distances[: len(names)]))
+
+
+def test_alerts_come_at_changes_of_level_only(ros, paper):
+    only_distances = {"warn.inverse_condition_number": 0.0, "critical.inverse_condition_number": 0.0}
+    loop = Loop(ros, paper, **only_distances)
+    path = [0.6, 0.5, 0.09, 0.08, 0.07, 0.01, 0.009, 0.09, 0.6, 0.5]
+    for distance in path:
+        loop.status_at(beside_transversal(distance))
+    ros.spin_for(0.1)
+    levels = [each.level for each in loop.alerts if each.level != SingularityStatus.STALE]
+    expected = [SingularityStatus.OK, SingularityStatus.WARN, SingularityStatus.CRITICAL, SingularityStatus.WARN]
+    assert levels == [*expected, SingularityStatus.OK]
+    for before, after in zip(loop.alerts, loop.alerts[1:], strict=False):
+        assert after.previous_level == before.level
+    critical = next(each for each in loop.alerts if each.level == SingularityStatus.CRITICAL)
+    assert critical.text.startswith("CRITICAL: ") and "transversal 1" in critical.text
+    assert critical.nearest.distance == pytest.approx(0.02, abs=0.02)
+
+
+def test_a_late_subscriber_receives_the_present_level(loop):
+    loop.status_at(beside_transversal(0.01))
+    late = loop.ros.collect(SingularityAlert, "singularity_alerts", qos.LATCHED)
+    loop.ros.spin_until(lambda: late, "the latched alert")
+    assert [each.level for each in late] == [SingularityStatus.CRITICAL]
+
+
+def test_without_any_features_it_says_so(loop):
+    loop.ros.spin_until(lambda: len(loop.statuses) >= 2, "heartbeats")
+    assert loop.statuses[-1].level == SingularityStatus.STALE
+    assert loop.statuses[-1].reason == "no features received yet"
+    assert not loop.statuses[-1].lost_motion_valid and len(loop.statuses[-1].singular_values) == 0
+
+
+def test_features_that_stop_are_stale_and_the_old_numbers_are_gone(ros, paper):
+    loop = Loop(ros, paper, features_timeout=0.2, heartbeat_period=0.05)
+    loop.status_at(start_pose(1))
+    loop.ros.spin_until(
+        lambda: loop.statuses[-1].level == loop.alerts[-1].level == SingularityStatus.STALE, "the heartbeat to notice"
+    )
+    stale = loop.statuses[-1]
+    assert "no features for" in stale.reason
+    assert stale.inverse_condition_number == 0.0 and not stale.distances_valid
+    assert loop.status_at(start_pose(1)).level == SingularityStatus.OK
+
+
+def test_without_a_pose_there_are_no_distances_and_it_says_so(loop):
+    status = loop.status_at(start_pose(1), with_pose=False)
+    assert not status.distances_valid and len(status.locus_distances) == 0
+    assert status.nearest.kind == LocusDistance.NONE
+    assert "distances not known: no camera_pose within 0.1 s" in status.reason
+    assert status.inverse_condition_number > 0.0
+
+
+def test_a_pose_in_another_frame_is_not_used(loop):
+    stamp = loop.now()
+    loop.publish_pose(start_pose(1), stamp, frame="map")
+    loop.ros.spin_for(0.1)
+    assert not loop.status_at(start_pose(1), with_pose=False).distances_valid
+
+
+def spoil_ids(message):
+    message.ids = [1, 2, 3, 99]
+
+
+def spoil_numbers(message):
+    message.moments[0] = float("nan")
+
+
+def spoil_visibility(message):
+    message.visible = [1, 1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (spoil_ids, "line id 99 is not in the scene, whose ids are [1, 2, 3, 4]"),
+        (spoil_numbers, "moments[0, 0] is nan"),
+        (spoil_visibility, "2 of 4 lines are usable ([1, 2]); at least 3 are needed"),
+    ],
+)
+def test_unusable_features_are_unobservable_with_the_reason(loop, spoil, reason):
+    status = loop.status_at(start_pose(1), spoil)
+    assert status.level == SingularityStatus.UNOBSERVABLE
+    assert reason in status.reason
+    assert loop.status_at(start_pose(1)).level == SingularityStatus.OK
+
+
+def test_a_scene_singular_everywhere_is_unobservable(ros):
+    """Four parallel lines, a corridor: translation along it is never seen."""
+    parallel = {
+        "lines.points": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0],
+        "lines.directions": [0.0, 0.0, 1.0] * 4,
+    }
+    statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
+    ros.add(SingularityMonitor, parameters={**parallel, "features_timeout": 5.0})
+    publisher = ros.publisher(LineFeatureArray, "line_features")
+    from plsing_ros.features import project_lines
+    from plsing_ros.geometry import LineSet
+
+    scene = LineSet.from_points_directions(
+        np.reshape(parallel["lines.points"], (4, 3)), np.reshape(parallel["lines.directions"], (4, 3))
+    )
+    lines = scene.transformed(Pose.looking_at([0.3, 0.4, -2.0], [0.6, 0.6, 0.0], down=(0, 1, 0)).inverse(), "camera")
+    message = LineFeatureArray(
+        header=Header(stamp=ros.node.get_clock().now().to_msg(), frame_id="camera_optical_frame"),
+        ids=[1, 2, 3, 4],
+        image_lines=project_lines(lines).tolist(),
+        directions=lines.direction.ravel().tolist(),
+        moments=lines.moment.ravel().tolist(),
+    )
+    publisher.publish(message)
+    ros.spin_until(lambda: statuses and statuses[-1].header.stamp == message.header.stamp, "the status")
+    assert statuses[-1].level == SingularityStatus.UNOBSERVABLE
+    assert "singular for every camera" in statuses[-1].reason
+    assert statuses[-1].inverse_condition_number < 1e-12
+
+
+def test_the_rate_is_the_difference_quotient(loop):
+    first = loop.status_at(start_pose(1))
+    second = loop.status_at(start_pose(3))
+    assert not first.rate_valid and second.rate_valid
+    seconds = second.header.stamp.sec - first.header.stamp.sec
+    seconds += 1e-9 * (second.header.stamp.nanosec - first.header.stamp.nanosec)
+    change = second.inverse_condition_number - first.inverse_condition_number
+    assert second.inverse_condition_number_rate == pytest.approx(change / seconds)
