@@ -1,0 +1,1 @@
+"""Commands: thin, the work is elsewhere."""

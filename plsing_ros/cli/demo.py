@@ -1,0 +1,102 @@
+"""Command demo: a camera servos on four lines near a singularity, with the monitor's alerts coming in."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from plsing_ros.errors import PlsingError
+from plsing_ros.experiments import near_transversal as experiment
+from plsing_ros.experiments.config_files import config_file
+from plsing_ros.experiments.figures import save_figures
+from plsing_ros.experiments.run_record import Alert, RunRecord, summary_table
+from plsing_ros.geometry.scene_file import read_scene
+from plsing_ros.nodes.closed_loop import run_closed_loop
+from plsing_ros.singularities import singular_set
+
+_EPILOG = """examples:
+  demo                        Starts 1 to 4 of the paper
+  demo --starts 2             only the one that blows up
+  demo --output /tmp/figures  write the figures there"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the demo; return the exit code."""
+    parser = argparse.ArgumentParser(
+        description="Run simulator, controller and monitor in one process over real topics, from the paper's four "
+        "starts to a target near the transversal L_M, and draw what happened.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--starts", nargs="+", type=int, choices=(1, 2, 3, 4), default=(1, 2, 3, 4), help="which starts")
+    parser.add_argument("--output", type=Path, default=Path("demo_output"), help="folder of the figures (%(default)s)")
+    parser.add_argument("--executor", choices=("events", "single"), default="events", help="rclpy executor (%(default)s)")
+    options = parser.parse_args(argv)
+    try:
+        _run(options)
+    except PlsingError as error:
+        print(f"demo: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"demo: cannot write the figures to {options.output}: {error}; choose another --output", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\ndemo: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _run(options: argparse.Namespace) -> None:
+    params_file = config_file("paper_p4l.yaml")
+    found = singular_set(read_scene(params_file))
+    print(f"The paper's four lines: {found.description}")
+    print(f"Four starts within 0.7 m of a target near {found.transversals[0].name}, lambda = {experiment.GAIN} 1/s\n")
+    options.output.mkdir(parents=True, exist_ok=True)
+    records = [_run_start(experiment.STARTS[number - 1], params_file, options.executor) for number in options.starts]
+    print(f"\n{summary_table(records)}\n")
+    for file in save_figures(records, found, options.output):
+        print(f"figure: {file}")
+
+
+def _run_start(start: experiment.Start, params_file: Path, executor: str) -> RunRecord:
+    at_start = float(np.linalg.norm(start.position - experiment.TARGET_POSITION))
+    # Distances shrink by a constant factor each second when all goes well, so their logarithm is the progress.
+    decades = np.log10(at_start / experiment.ARRIVED)
+    bar = tqdm(
+        total=100,
+        desc=f"{start.name} ({start.note})",
+        bar_format="{desc}: {percentage:3.0f}%|{bar:20}|{postfix}",
+        file=sys.stdout,
+        mininterval=0.2,
+    )
+
+    def on_frame(number: int, distance: float) -> None:
+        if number % 10 == 0 or distance <= experiment.ARRIVED:
+            progress = 100.0 * min(1.0, max(0.0, np.log10(at_start / distance) / decades))
+            bar.set_postfix_str(f"step {number}, {distance:.3f} m from the target", refresh=False)
+            bar.update(progress - bar.n)
+
+    def on_alert(alert: Alert) -> None:
+        bar.write(f"  {max(alert.time, 0.0):6.2f} s  {alert.text}", file=sys.stdout)
+
+    with bar:
+        return run_closed_loop(
+            start.name,
+            params_file,
+            start={"start.position": start.position.tolist(), "start.orientation": experiment.ORIENTATION.tolist()},
+            target={
+                "target.position": experiment.TARGET_POSITION.tolist(),
+                "target.orientation": experiment.ORIENTATION.tolist(),
+                "gain": experiment.GAIN,
+            },
+            arrived=experiment.ARRIVED,
+            most_steps=experiment.MOST_STEPS,
+            on_frame=on_frame,
+            on_alert=on_alert,
+            executor=executor,
+        )

@@ -1,0 +1,105 @@
+"""Command that writes config/<node>.yaml and docs/parameters.md from the parameter specifications."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from plsing_ros.parameters import (
+    ControllerParameters,
+    MonitorParameters,
+    ParameterSet,
+    SimulatorParameters,
+    Specification,
+)
+
+NODES: dict[str, type[ParameterSet]] = {
+    "feature_simulator": SimulatorParameters,
+    "controller": ControllerParameters,
+    "singularity_monitor": MonitorParameters,
+}
+
+
+def parameter_file(node: str) -> str:
+    """Return a ROS parameter file with every parameter of a node at its default, its meaning, unit and range."""
+    lines = [
+        f"# Every parameter of {node}, at its default. Give it before the file of a scene, which then has the last word:",
+        f"#   ros2 run plsing_ros {node} --ros-args --params-file config/{node}.yaml --params-file config/paper_p4l.yaml",
+        "# Made by python3 -m plsing_ros.cli.parameter_files from plsing_ros/parameters/.",
+        "",
+        f"/**/{node}:",
+        "  ros__parameters:",
+    ]
+    for name, (field, specification) in NODES[node].specifications().items():
+        comment = f"{specification.description}{_unit(specification)}. {_details(specification)}".strip()
+        lines += textwrap.wrap(comment, 112, initial_indent="    # ", subsequent_indent="    # ")
+        default = field.default
+        # An empty array has no type in a parameter file, so it is refused there.
+        lines.append(f"    {'# ' if default == () else ''}{name}: {_yaml(default)}")
+    return "\n".join(lines) + "\n"
+
+
+def parameter_page() -> str:
+    """Return the parameters of all nodes as Markdown tables."""
+    lines = ["# Parameters", "", "Made by `python3 -m plsing_ros.cli.parameter_files` from `plsing_ros/parameters/`."]
+    for node, kind in NODES.items():
+        lines += ["", f"## {node}", "", "| name | default | unit | allowed | live | meaning |", "|---|---|---|---|---|---|"]
+        for name, (field, specification) in kind.specifications().items():
+            cells = (
+                f"`{name}`",
+                f"`{_yaml(field.default)}`",
+                specification.unit or "-",
+                specification.range_text or "any",
+                "yes" if specification.live else "no",
+                specification.description,
+            )
+            lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def generated_files() -> dict[str, str]:
+    """Return the generated files' contents by path relative to the source tree."""
+    return {
+        **{f"config/{node}.yaml": parameter_file(node) for node in NODES},
+        "docs/parameters.md": parameter_page(),
+    }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write the files; return the exit code."""
+    parser = argparse.ArgumentParser(
+        description="Write config/<node>.yaml and docs/parameters.md from plsing_ros/parameters/.",
+        epilog="example: python3 -m plsing_ros.cli.parameter_files",
+    )
+    parser.add_argument("--root", type=Path, default=Path(), help="source tree (default: the current folder)")
+    options = parser.parse_args(argv)
+    for name, content in generated_files().items():
+        (options.root / name).write_text(content)
+        print(f"wrote {options.root / name}")
+    return 0
+
+
+def _unit(specification: Specification) -> str:
+    return f" [{specification.unit}]" if specification.unit else ""
+
+
+def _details(specification: Specification) -> str:
+    details = f"Allowed: {specification.range_text}. " if specification.range_text else ""
+    return details + ("" if specification.live else "Fixed at the start.")
+
+
+def _yaml(value: Any) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_yaml, value)) + "]"
+    if isinstance(value, float):
+        text = repr(value)
+        # "1e-12" is a float to ROS and a string to YAML readers that follow YAML 1.1.
+        return text if "." in text else text.replace("e", ".0e")
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""The paper's experiments as data, the record of a run, and its figures."""

@@ -1,0 +1,157 @@
+"""Figures of servo runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")  # files only, so that it works without a screen
+
+import matplotlib.pyplot as plt
+from matplotlib.ticker import MaxNLocator
+
+from plsing_ros.arrays import Array
+from plsing_ros.experiments.run_record import RunRecord
+from plsing_ros.servoing.levels import Level
+from plsing_ros.singularities import SingularSet
+
+_ALERT_MARKS = {Level.WARN: ("^", "tab:orange"), Level.CRITICAL: ("v", "tab:red")}
+_RUN_COLORS = ("tab:blue", "tab:red", "tab:green", "tab:purple")
+
+
+def save_figures(records: Sequence[RunRecord], found: SingularSet, folder: Path) -> list[Path]:
+    """Draw all figures of a set of runs to one target.
+
+    Args:
+        records: The runs.
+        found: The singular set of the scene.
+        folder: Where to write the PNG files; made if missing.
+
+    Returns:
+        The files, in order.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, draw in (
+        ("trajectories", lambda figure: _draw_trajectories(figure, records, found)),
+        ("inverse_condition_number", lambda figure: _draw_condition(figure, records)),
+        ("error_norm", lambda figure: _draw_errors(figure, records)),
+        ("twists", lambda figure: _draw_twists(figure, records)),
+        ("distance_to_target", lambda figure: _draw_distances(figure, records)),
+    ):
+        figure = plt.figure(figsize=(11, 5.5), layout="constrained")
+        draw(figure)
+        files.append(folder / f"{name}.png")
+        figure.savefig(files[-1], dpi=110)
+        plt.close(figure)
+    return files
+
+
+def _draw_trajectories(figure: Any, records: Sequence[RunRecord], found: SingularSet) -> None:
+    target = records[0].target
+    everything = np.vstack([record.position for record in records])
+    scene = np.vstack([found.lines.point, everything])
+    close = np.vstack([[record.position[0] for record in records], target[np.newaxis]])
+    views = (
+        ("the scene", scene.mean(axis=0), np.abs(scene - scene.mean(axis=0)).max() * 1.1),
+        ("near the target", close.mean(axis=0), np.abs(close - close.mean(axis=0)).max() * 1.6),
+    )
+    for column, (title, center, radius) in enumerate(views):
+        axes = figure.add_subplot(1, 2, column + 1, projection="3d")
+        _draw_lines(axes, found.lines.point, found.lines.direction, center, radius, color="black", label="observed lines")
+        if found.transversals:
+            points = np.array([each.point for each in found.transversals])
+            directions = np.array([each.direction for each in found.transversals])
+            _draw_lines(
+                axes, points, directions, center, radius, color="tab:orange", linestyle="--", label="transversals"
+            )
+        for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
+            path = np.where(np.abs(record.position - center).max(axis=1, keepdims=True) <= radius, record.position, np.nan)
+            axes.plot(*path.T, color=color, label=record.name, linewidth=1.5)
+            axes.plot(*path[0], "o", color=color, markersize=4)
+        axes.plot(*target, "*", color="black", markersize=10, label="target")
+        axes.set_xlim(center[0] - radius, center[0] + radius)
+        axes.set_ylim(center[1] - radius, center[1] + radius)
+        axes.set_zlim(center[2] - radius, center[2] + radius)
+        axes.set_box_aspect((1, 1, 1), zoom=0.95)
+        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+            axis.set_major_locator(MaxNLocator(5))
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel("y [m]")
+        axes.set_zlabel("z [m]")
+        axes.set_title(title)
+    # The left view has the observed lines as well.
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+
+
+def _draw_lines(axes: Any, points: Array, directions: Array, center: Array, radius: float, **style: Any) -> None:
+    """Draw the part of each line that is inside a cube around center."""
+    label = style.pop("label")
+    for point, direction in zip(points, directions, strict=True):
+        middle = point + direction * ((center - point) @ direction)
+        along = np.linspace(-2.0 * radius, 2.0 * radius, 801)[:, np.newaxis]
+        line = middle + along * direction
+        line = line[np.abs(line - center).max(axis=1) <= radius]
+        if len(line):
+            axes.plot(*line[[0, -1]].T, linewidth=1.2, label=label, **style)
+            label = None
+
+
+def _draw_condition(figure: Any, records: Sequence[RunRecord]) -> None:
+    axes = figure.subplots()
+    for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
+        axes.semilogy(record.time, record.inverse_condition_number, color=color, label=record.name)
+        for alert in record.alerts:
+            if alert.level in _ALERT_MARKS and alert.time >= 0.0:
+                marker, mark_color = _ALERT_MARKS[alert.level]
+                value = np.interp(alert.time, record.time, record.inverse_condition_number)
+                axes.plot(alert.time, value, marker, color=mark_color, markersize=9, markeredgecolor=color)
+    for level, (marker, mark_color) in _ALERT_MARKS.items():
+        axes.plot([], [], marker, color=mark_color, label=f"alert {level.name}")
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("inverse condition number")
+    axes.grid(alpha=0.3)
+    axes.legend()
+
+
+def _draw_errors(figure: Any, records: Sequence[RunRecord]) -> None:
+    axes = figure.subplots()
+    for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
+        axes.semilogy(record.time, record.error_norm, color=color, label=record.name)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("error norm |s - s*|")
+    axes.grid(alpha=0.3)
+    axes.legend()
+
+
+def _draw_twists(figure: Any, records: Sequence[RunRecord]) -> None:
+    panels = figure.subplots(2, len(records), squeeze=False, sharex="col")
+    for column, record in enumerate(records):
+        # What is interesting is over when the transient is; the rest is an exponential decay.
+        shown = record.time <= min(20.0, record.time[-1])
+        for row, (first, letter, unit) in enumerate(((0, "v", "m/s"), (3, "ω", "rad/s"))):
+            axes = panels[row, column]
+            for axis, name in enumerate("xyz"):
+                axes.plot(record.time[shown], record.twist[shown, first + axis], label=f"{letter}_{name}")
+            axes.grid(alpha=0.3)
+            if column == 0:
+                axes.set_ylabel(f"{letter} [{unit}]")
+            if column == len(records) - 1:
+                axes.legend(loc="right", fontsize="small")
+        panels[0, column].set_title(record.name)
+        panels[1, column].set_xlabel("time [s]")
+
+
+def _draw_distances(figure: Any, records: Sequence[RunRecord]) -> None:
+    axes = figure.subplots()
+    for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
+        axes.plot(record.time, record.distance, color=color, label=record.name)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("distance to target [m]")
+    axes.grid(alpha=0.3)
+    axes.legend()
