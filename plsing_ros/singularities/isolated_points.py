@@ -1,0 +1,207 @@
+"""The ten isolated singularities of four lines, for many scenes at once.
+
+At an isolated singularity the camera loses a screw motion with axis direction w. The axis directions are the w for
+which some forces F_i, each across its line, are in balance and lie in the planes of w and u_i (docs/theory.md, section
+"Ten points"): with the four-dimensional space of forces F_i . u_i = 0, sum F_i = 0, sum F_i . M_i = 0,
+
+    det[F_i, u_i, w] = 0 for each of the four lines,   sum (u_i . w) F_i . (u_i x M_i) = 0.
+
+These are five equations linear in F and in w: a 5 x 4 matrix, linear in w, loses rank. That happens at ten points of
+the plane. The steps, for S scenes each:
+
+1. its five 4 x 4 minors, plane quartics, from their values at 15 fixed points of the sphere;
+2. the ten-dimensional space of functionals on quartics that vanish on all five (one QR factorisation, 15 x 5);
+3. multiplication by one linear form over another on that space: a 10 x 10 eigenproblem; w read off its eigenvectors;
+4. camera centre and motion from w, and Newton's method on the bilinear equations A(C) k = 0 of the rank basis.
+
+All in scene coordinates (SceneFrame). Source: new.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations, permutations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from plsing_ros.arrays import Array, BoolArray
+from plsing_ros.singularities.kernel_pencil import bilinear_tensor, newton, start_from_axis_directions
+from plsing_ros.singularities.residual import cross, scene_residuals
+from plsing_ros.singularities.ternary_forms import basis_values, half_sphere_points, multiplication_maps
+
+ComplexArray = npt.NDArray[np.complex128]
+
+# A point counts as found if its independent residual is at most this.
+RESIDUAL_TOLERANCE = 1e-9
+
+# Two of the ten nearer than this to each other in projective space are one: the solver found a point twice.
+_SEPARATION = 1e-7
+
+# Homogeneous coordinate C_0 below which a unit (C_0, C) is a point at infinity: farther than 1e9 scene lengths.
+_AT_INFINITY = 1e-9
+
+# Imaginary part, relative to the distance from the scene's centre, up to which a point is real.
+_REAL = 1e-10
+
+_SAMPLES = half_sphere_points(15)
+_INTERPOLATE = np.linalg.inv(basis_values(4, _SAMPLES))
+_MULTIPLY = multiplication_maps(4)
+_MULTIPLY_ALL = np.ascontiguousarray(_MULTIPLY.reshape(30, 15).T)
+_TEN = np.arange(10)
+_LINE = np.arange(4)
+_IDENTITY = np.eye(3)
+
+# Pairs of generic linear forms (numerator, denominator); the next pair is tried where one fails.
+_FORMS = np.array(
+    [
+        [[0.62, -0.35, 0.71], [0.30, 0.83, 0.47]],
+        [[0.48, 0.65, -0.59], [-0.77, 0.42, 0.48]],
+        [[-0.28, 0.79, 0.55], [0.66, 0.17, -0.73]],
+    ]
+)
+_TRY_FORMS = np.einsum("tfa,aij->tfij", _FORMS, _MULTIPLY)
+
+_PAIRS = list(combinations(range(5), 2))
+_FIRST = np.array([pair[0] for pair in _PAIRS])
+_SECOND = np.array([pair[1] for pair in _PAIRS])
+
+
+def _laplace_signs() -> Array:
+    """Return E (100, 5): (2 x 2 minors of the first two columns, outer, those of the last two) @ E = 4 x 4 minors."""
+    signs = np.zeros((10, 10, 5))
+    for first, second in permutations(range(10), 2):
+        rows = _PAIRS[first] + _PAIRS[second]
+        if len(set(rows)) == 4:
+            left_out = (set(range(5)) - set(rows)).pop()
+            inversions = sum(x > y for x, y in combinations(rows, 2))
+            signs[first, second, left_out] = (-1.0) ** inversions
+    return signs.reshape(100, 5)
+
+
+_LAPLACE = _laplace_signs()
+
+
+@dataclass(frozen=True, eq=False)
+class TenPoints:
+    """What the direct solver found for S scenes, in scene coordinates.
+
+    Attributes:
+        center: Camera centres, complex, shape (S, 10, 3); NaN where a point is at infinity.
+        real: Which are real, shape (S, 10).
+        residual: Independent residuals (singularity_residuals), shape (S, 10); 1 where there is no centre.
+        complete: Scenes with ten distinct finite points, all with residuals up to RESIDUAL_TOLERANCE, shape (S,).
+        rank_margin: How far the scene is from one with fewer points or infinitely many, in [0, 1], shape (S,): the
+            smallest relative gap in the two rank decisions of the elimination.
+    """
+
+    center: ComplexArray
+    real: BoolArray
+    residual: Array
+    complete: BoolArray
+    rank_margin: Array
+
+
+def solve_ten_points(direction: Array, point: Array) -> TenPoints:
+    """Return the ten isolated singularities of S scenes of four lines.
+
+    Args:
+        direction: Unit directions, shape (S, 4, 3).
+        point: The point of each line closest to the scene's centre, scene coordinates, shape (S, 4, 3).
+    """
+    functionals, margin = _unknown_functionals(direction, point)
+    tensor = bilinear_tensor(direction, point)
+    found = _from_functionals(functionals, margin, tensor, direction, point, _TRY_FORMS[0])
+    for forms in _TRY_FORMS[1:]:
+        failed = np.flatnonzero(~found.complete)
+        if len(failed) == 0:
+            break
+        again = _from_functionals(
+            functionals[failed], margin[failed], tensor[failed], direction[failed], point[failed], forms
+        )
+        better = again.complete | (again.residual.max(axis=1) < found.residual[failed].max(axis=1))
+        for name in ("center", "real", "residual", "complete"):
+            getattr(found, name)[failed[better]] = getattr(again, name)[better]
+    return found
+
+
+def _unknown_functionals(direction: Array, point: Array) -> tuple[Array, Array]:
+    """Return the span of the quartic basis at the axis directions (S, 15, 10), and the rank margins (S,)."""
+    scenes = len(direction)
+    matrix = force_matrix(direction, point).reshape(scenes, 20, 3)
+    values = (_SAMPLES @ matrix.swapaxes(1, 2)).reshape(scenes, 15, 5, 4)
+    first, second = values[:, :, _FIRST], values[:, :, _SECOND]
+    left = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    right = first[..., 2] * second[..., 3] - first[..., 3] * second[..., 2]
+    minors = (left[..., np.newaxis] * right[..., np.newaxis, :]).reshape(scenes, 15, 100) @ _LAPLACE
+    orthogonal, triangular = np.linalg.qr(_INTERPOLATE @ minors, mode="complete")
+    size = np.abs(np.diagonal(triangular, axis1=1, axis2=2))
+    largest = size.max(axis=1)
+    return orthogonal[:, :, 5:], size.min(axis=1) / np.where(largest > 0.0, largest, 1.0)
+
+
+def force_matrix(direction: Array, point: Array) -> Array:
+    """Return the five equations of the module's head as bilinear forms in a basis of the forces and w, (S, 5, 4, 3)."""
+    scenes = len(direction)
+    constraints = np.zeros((scenes, 4, 3, 8))
+    constraints[:, _LINE, :, _LINE] = direction.swapaxes(0, 1)
+    constraints[:, :, :, 4:7] = _IDENTITY
+    constraints[:, :, :, 7] = point
+    forces = np.linalg.qr(constraints.reshape(scenes, 12, 8), mode="complete")[0][:, :, 8:].swapaxes(1, 2)
+    forces = forces.reshape(scenes, 4, 4, 3)
+    equations = np.empty((scenes, 5, 4, 3))
+    equations[:, :4] = cross(direction[:, np.newaxis], forces).swapaxes(1, 2)
+    equations[:, 4] = (forces * cross(direction, point)[:, np.newaxis]).sum(axis=3) @ direction
+    return equations
+
+
+def _from_functionals(
+    functionals: Array, margin: Array, tensor: Array, direction: Array, point: Array, forms: Array
+) -> TenPoints:
+    """Solve the eigenproblems for one pair of linear forms and turn axis directions into polished camera centres."""
+    numerator, denominator = forms[0] @ functionals, forms[1] @ functionals
+    try:
+        multiplication = np.linalg.solve(denominator, numerator)
+    except np.linalg.LinAlgError:
+        # Exactly singular in at least one scene; a perturbation of rounding size makes it solvable, and a wrong
+        # result is caught by the residuals below.
+        multiplication = np.linalg.solve(denominator + 1e-15 * np.eye(10), numerator)
+    eigenvalues, vectors = np.linalg.eig(multiplication)
+    # Conjugate pairs come next to each other, the upper one first; the lower one is left out.
+    kept = eigenvalues.imag >= 0.0
+    scene, slot = np.nonzero(kept)
+    quartics = (functionals @ vectors).swapaxes(1, 2)[scene, slot]
+    # w times each cubic basis value: w itself, up to scale, where that value is largest.
+    products = (quartics @ _MULTIPLY_ALL).reshape(-1, 3, 10)
+    size = (products.real**2 + products.imag**2).sum(axis=1)
+    w = products[np.arange(len(slot)), :, np.argmax(size, axis=1)].astype(complex)
+    homogeneous, motion = start_from_axis_directions(tensor[scene], w)
+    homogeneous, _, _ = newton(tensor, scene, homogeneous, motion)
+    return _judged(homogeneous, scene, kept.ravel(), margin, direction, point)
+
+
+def _judged(
+    h: npt.NDArray[Any], scene: npt.NDArray[np.intp], kept: BoolArray, margin: Array, direction: Array, point: Array
+) -> TenPoints:
+    """Fill in the conjugates and judge every point by its independent residual."""
+    scenes = len(margin)
+    finite = np.abs(h[:, 0]) > _AT_INFINITY
+    center = h[:, 1:] / np.where(finite, h[:, 0], 1.0)[:, np.newaxis]
+    residual = scene_residuals(point, direction, scene, center)
+    if not finite.all():
+        center[~finite], residual[~finite] = np.nan, 1.0
+    size = np.sqrt((center.real**2 + center.imag**2).sum(axis=1))
+    real = np.abs(center.imag).max(axis=1) <= _REAL * (1.0 + size)
+    # A slot that was left out follows the one with its conjugate.
+    source = np.cumsum(kept) - 1
+    lower = ~kept
+    center, h = center[source], h[source]
+    np.conjugate(center, out=center, where=lower[:, np.newaxis])
+    np.conjugate(h, out=h, where=lower[:, np.newaxis])
+    center, h = center.reshape(scenes, 10, 3), h.reshape(scenes, 10, 4)
+    residual, real = residual[source].reshape(scenes, 10), real[source].reshape(scenes, 10)
+    overlap = np.abs(h @ h.conj().swapaxes(1, 2))
+    overlap[:, _TEN, _TEN] = 0.0
+    distinct = overlap.max(axis=(1, 2)) < 1.0 - 0.5 * _SEPARATION**2
+    return TenPoints(center, real, residual, distinct & (residual <= RESIDUAL_TOLERANCE).all(axis=1), margin)

@@ -1,0 +1,149 @@
+"""A(C) k = 0: the rank basis as a matrix linear in the camera centre, and Newton's method on it.
+
+About the scene's centre (the point Q of eq. basiseta) the rows of xi are [f_i, M_i x f_i] and [0, m_i], and f_i and
+m_i are linear in C. So the singular centres with their lost motions k = (v, w) are the zeros of 2n bilinear equations
+A(C) k = 0, in homogeneous coordinates h = (C_0, C) of the centre. For four lines these are as many as the unknowns.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from plsing_ros.arrays import Array
+from plsing_ros.singularities.residual import cross
+
+_ANY = np.array([[0.57, -0.42, 0.61, 0.35], [0.31, 0.74, -0.38, 0.46]])
+_IDENTITY = np.eye(3)
+# a @ _MINUS_SKEW, as a 3 x 3 matrix, is b -> b x a.
+_MINUS_SKEW = np.array(
+    [[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0], [0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0], [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
+)
+_STEPS = 12
+# Newton's error after a step of relative length s is of the order of s squared.
+_SMALL_STEP = 1e-8
+_LONGEST_STEP = 3.0
+
+
+def bilinear_tensor(direction: Array, point: Array) -> Array:
+    """Return A, shape (S, 4, 2n, 6): A(h) = sum h_a A[a] for h = (C_0, C), for S scenes of n lines.
+
+    Args:
+        direction: Unit directions, shape (S, n, 3).
+        point: A point on each line, scene coordinates, shape (S, n, 3); the one closest to the origin.
+    """
+    scenes, n = direction.shape[:2]
+    minus_skew = (direction @ _MINUS_SKEW).reshape(scenes, n, 3, 3)
+    # f = u x M C_0 - u x C, and the moment M x f; columns are the coefficients of h.
+    f = np.empty((scenes, n, 3, 4))
+    f[..., 0] = cross(direction, point)
+    f[..., 1:] = minus_skew
+    moment = (point @ _MINUS_SKEW).reshape(scenes, n, 3, 3) @ -f
+    tensor = np.zeros((scenes, 4, 2 * n, 6))
+    tensor[:, :, :n, :3] = f.transpose(0, 3, 1, 2)
+    tensor[:, :, :n, 3:] = moment.transpose(0, 3, 1, 2)
+    # m = P C - M C_0, with P the projection across u.
+    tensor[:, 0, n:, 3:] = -point
+    across = _IDENTITY - direction[..., np.newaxis] * direction[..., np.newaxis, :]
+    tensor[:, 1:, n:, 3:] = across.transpose(0, 2, 1, 3)
+    return tensor
+
+
+def start_from_axis_directions(
+    tensor: Array, w: npt.NDArray[Any]
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Return homogeneous centres (k, 4) and motions (k, 6), unit length, that belong to axis directions w (k, 3).
+
+    Args:
+        tensor: Of bilinear_tensor for the scene of each w, shape (k, 4, 8, 6).
+        w: Axis directions.
+    """
+    count = len(w)
+    # m_i . w as linear forms in h: a matrix that is singular at the right w. Adding a generic matrix of rank one makes
+    # it regular and keeps its null vector as the solution.
+    of_h = (tensor[:, :, 4:, 3:] @ w[:, np.newaxis, :, np.newaxis])[..., 0].swapaxes(1, 2)
+    h = _unit(_solve(of_h + _ANY[0][:, np.newaxis] * _ANY[1], np.tile(_ANY[0][:, np.newaxis], (count, 1, 1)))[..., 0])
+    rows = (h[:, np.newaxis, :] @ tensor[:, :, :4].reshape(count, 4, 24)).reshape(count, 4, 6)
+    f = rows[:, :, :3]
+    adjoint = f.conj().swapaxes(1, 2)
+    v = _solve(adjoint @ f, adjoint @ (rows[:, :, 3:] @ -w[:, :, np.newaxis]))[..., 0]
+    return h, _unit(np.concatenate([v, w], axis=1))
+
+
+def newton(
+    tensor: Array, scene: npt.NDArray[np.intp], h: npt.NDArray[Any], k: npt.NDArray[Any]
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Array]:
+    """Return zeros (h, k) of A(h) k = 0 near the given ones, and the length of the last step of each.
+
+    For more than four lines, Gauss-Newton on the overdetermined equations.
+
+    Args:
+        tensor: Of bilinear_tensor for S scenes of n >= 4 lines, shape (S, 4, 2n, 6).
+        scene: The scene of each start, shape (k,).
+        h: Homogeneous centres, shape (k, 4).
+        k: Motions, shape (k, 6).
+    """
+    own = tensor[scene]
+    step = np.full(len(h), np.inf)
+    h, k = h.copy(), k.copy()
+    active: Any = slice(None)
+    for _ in range(_STEPS):
+        x, y = h[active], k[active]
+        jacobian, value = _equations(own[active], x, y)
+        change = _solve(jacobian, value)[..., 0]
+        # Where the Jacobian is numerically singular the step is huge or undefined and says nothing: stay, and leave the
+        # step length infinite.
+        with np.errstate(over="ignore", invalid="ignore"):
+            length = np.sqrt((change.real**2 + change.imag**2).sum(axis=1))
+        wild = ~(length < _LONGEST_STEP)
+        if wild.any():
+            change[wild] = 0.0
+            length[wild] = np.inf
+        h[active] = _unit(x - change[:, :4])
+        k[active] = _unit(y - change[:, 4:])
+        step[active] = length
+        if step.max(initial=0.0) <= _SMALL_STEP:
+            break
+        active = np.flatnonzero(step > _SMALL_STEP)
+    return h, k, step
+
+
+def jacobians(
+    tensor: Array, scene: npt.NDArray[np.intp], h: npt.NDArray[Any], k: npt.NDArray[Any]
+) -> npt.NDArray[Any]:
+    """Return the derivatives of (A(h) k, |h|^2 / 2, |k|^2 / 2) by (h, k), shape (count, 2n + 2, 10)."""
+    return _equations(tensor[scene], h, k)[0]
+
+
+def _equations(
+    a: Array, h: npt.NDArray[Any], k: npt.NDArray[Any]
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Return the Jacobians of the equations with the two scales fixed, and the values A(h) k with two zeros below."""
+    count, _, rows, _ = a.shape
+    of_h = np.matmul(a, k[:, np.newaxis, :, np.newaxis])[..., 0]
+    jacobian = np.zeros((count, rows + 2, 10), dtype=h.dtype)
+    jacobian[:, :rows, :4] = of_h.swapaxes(1, 2)
+    jacobian[:, :rows, 4:] = np.matmul(h[:, np.newaxis, :], a.reshape(count, 4, rows * 6)).reshape(count, rows, 6)
+    jacobian[:, rows, :4] = h.conj()
+    jacobian[:, rows + 1, 4:] = k.conj()
+    value = np.zeros((count, rows + 2, 1), dtype=h.dtype)
+    value[:, :rows] = np.matmul(h[:, np.newaxis, :], of_h).swapaxes(1, 2)
+    return jacobian, value
+
+
+def _solve(matrix: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    if matrix.shape[1] != matrix.shape[2]:
+        return np.asarray(np.linalg.pinv(matrix) @ right)
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        # One exactly singular matrix fails the whole stack; the pseudo-inverse gives every one its best answer.
+        return np.asarray(np.linalg.pinv(matrix) @ right)
+
+
+def _unit(vectors: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    length = np.sqrt((vectors.real**2 + vectors.imag**2).sum(axis=1, keepdims=True))
+    unit: npt.NDArray[Any] = vectors / np.where(length > 0.0, length, 1.0)
+    return unit

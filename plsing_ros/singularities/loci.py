@@ -1,0 +1,75 @@
+"""Distances from a camera centre to everything in a singular set, fast enough for every control cycle."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+
+
+class Kind(enum.Enum):
+    """What a part of the singular set is."""
+
+    TRANSVERSAL = "transversal"
+    ISOLATED_POINT = "isolated point"
+    OBSERVED_LINE = "observed line"
+    PLANE = "plane"
+    QUADRIC = "quadric"
+    CUBIC = "cubic surface"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True, eq=False)
+class LocusDistance:
+    """The distance from a camera centre to one part of the singular set.
+
+    Attributes:
+        kind: What it is.
+        name: Its name, as in SingularSet.locus_names.
+        distance: [m]. Exact for lines, points and planes, first order |F| / |grad F| for quadrics and cubics.
+        closest_point: The point of it closest to the centre, shape (3,) [m], to the same order.
+    """
+
+    kind: Kind
+    name: str
+    distance: float
+    closest_point: Array
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceArrays:
+    """All distances from one camera centre, in the order of SingularSet.locus_names.
+
+    Attributes:
+        distance: Shape (k,) [m].
+        closest_point: Shape (k, 3) [m].
+    """
+
+    distance: Array
+    closest_point: Array
+
+
+class LineAndPointTable:
+    """Closest points on k straight lines and points at once.
+
+    A point is a line whose direction is zero, so that one formula serves both.
+
+    Args:
+        point: A point of each, shape (k, 3) [m].
+        direction: Unit directions, or zero for points, shape (k, 3).
+    """
+
+    def __init__(self, point: Array, direction: Array) -> None:
+        self._point = np.ascontiguousarray(point, dtype=float)
+        self._direction = np.ascontiguousarray(direction, dtype=float)
+
+    def closest_points(self, center: Array) -> Array:
+        """Return the point of each closest to center (3,), shape (k, 3) [m]."""
+        along = np.einsum("ij,ij->i", center - self._point, self._direction)
+        closest: Array = self._point + along[:, np.newaxis] * self._direction
+        return closest

@@ -1,0 +1,129 @@
+"""Isolated points of five or more lines: those of a four-line subset that stay singular with all lines."""
+
+from __future__ import annotations
+
+from itertools import combinations, islice
+
+import numpy as np
+import scipy.linalg
+
+from plsing_ros.arrays import Array
+from plsing_ros.singularities.four_lines import (
+    IsolatedPoints,
+    IsolatedStatus,
+    is_generic,
+    isolated_points_of_four,
+    no_points,
+)
+from plsing_ros.singularities.isolated_points import RESIDUAL_TOLERANCE, ComplexArray, solve_ten_points
+from plsing_ros.singularities.kernel_pencil import bilinear_tensor, newton
+from plsing_ros.singularities.residual import singularity_residuals
+from plsing_ros.singularities.scene_frame import SceneFrame
+from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
+from plsing_ros.singularities.surfaces import transversal_surfaces
+from plsing_ros.singularities.transversals import TransversalAnalysis, analyze_transversals
+
+# Subsets tried; one that is understood completely is enough, and box-like scenes have some that are not.
+_SUBSETS = 15
+# Candidates start from a subset's points, which differ from those of all lines by rounding only.
+_CANDIDATE = 1e-6
+_ON_LOCUS = 1e-8
+
+
+def isolated_points_of_many(frame: SceneFrame, analysis: TransversalAnalysis) -> IsolatedPoints:
+    """Return the isolated points of n >= 5 distinct lines that are not singular everywhere.
+
+    Leaving lines out can only lower the rank, so a singular centre of all lines is singular for each four of them: it
+    is one of their isolated points or on one of their transversals. Along a transversal xi is a matrix linear in the
+    position, whose singular positions are generalised eigenvalues.
+
+    Args:
+        frame: The scene.
+        analysis: Its transversals.
+
+    Source: new, docs/theory.md section "Five and more lines".
+    """
+    subsets = list(islice(combinations(range(len(frame.direction)), 4), _SUBSETS))
+    rows = np.array(subsets)
+    ten = solve_ten_points(frame.direction[rows], frame.point[rows])
+    generic = is_generic(ten)
+    for i in np.argsort(-np.where(generic, ten.rank_margin, 0.0), kind="stable"):
+        candidates = _candidates(frame, list(subsets[i]), ten.center[i] if generic[i] else None)
+        if candidates is not None:
+            return _surviving(frame, analysis, candidates)
+    return no_points(
+        IsolatedStatus.UNRESOLVED,
+        f"None of the {len(subsets)} sets of four lines that were tried is singular at points and lines only, so that "
+        "isolated points of all lines cannot be excluded.",
+    )
+
+
+def _candidates(frame: SceneFrame, subset: list[int], ten: ComplexArray | None) -> ComplexArray | None:
+    """Return the points among which the singular ones of all lines are, or None if the subset leaves more than points."""
+    four = SceneFrame(frame.center, frame.length, False, frame.direction[subset], frame.point[subset])
+    transversals = analyze_transversals(four)
+    if len(transversals.planes) or transversals.null_dimension > 2:
+        return None
+    if ten is None:
+        own = SceneFrame.recentered(four)
+        distinct = len(distinct_rows(own))
+        if distinct < 4 or singular_everywhere_reason(own, distinct) is not None:
+            return None
+        found = isolated_points_of_four(four, transversals, transversal_surfaces(four, transversals))
+        if found.status not in (IsolatedStatus.FINITE, IsolatedStatus.NONE):
+            return None
+        ten = found.center
+    along = [_singular_along(frame, line) for line in transversals.lines if np.linalg.norm(line[:3]) > _ON_LOCUS]
+    return np.concatenate([ten, *along])
+
+
+def _singular_along(frame: SceneFrame, line: Array) -> ComplexArray:
+    """Return the points of a line (d, m) at which a square compression of xi is singular, shape (k, 3)."""
+    length = float(np.linalg.norm(line[:3]))
+    direction, foot = line[:3] / length, np.cross(line[:3], line[3:]) / length**2
+    tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis])[0]
+    constant = np.tensordot(np.array([1.0, *foot]), tensor, axes=1)
+    linear = np.tensordot(np.array([0.0, *direction]), tensor, axes=1)
+    # Any six generic combinations of the rows lose rank wherever all rows do, and at some more places, which the
+    # residual of the full matrix rejects.
+    mix = np.random.default_rng(6).normal(size=(6, len(constant)))
+    position = scipy.linalg.eigvals(mix @ constant, -(mix @ linear))
+    position = position[np.isfinite(position)]
+    points: ComplexArray = foot + position[:, np.newaxis] * direction
+    return points
+
+
+def _surviving(frame: SceneFrame, analysis: TransversalAnalysis, candidates: ComplexArray) -> IsolatedPoints:
+    near = singularity_residuals(frame.point, frame.direction, candidates) <= _CANDIDATE
+    start = candidates[near]
+    if len(start) == 0:
+        return no_points(IsolatedStatus.NONE)
+    tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis])
+    h = np.concatenate([np.ones((len(start), 1)), start], axis=1)
+    h /= np.linalg.norm(h, axis=1, keepdims=True)
+    k = np.linalg.svd(np.einsum("ka,aij->kij", h, tensor[0]))[2][:, -1].conj()
+    polished, _, _ = newton(tensor, np.zeros(len(h), dtype=np.intp), h, k)
+    center = polished[:, 1:] / polished[:, :1]
+    residual = singularity_residuals(frame.point, frame.direction, center)
+    kept: list[int] = []
+    for i in np.argsort(residual):
+        repeated = any(np.abs(center[i] - center[j]).max() <= _CANDIDATE for j in kept)
+        if residual[i] <= RESIDUAL_TOLERANCE and not repeated and not _on_known_locus(frame, analysis, center[i]):
+            kept.append(int(i))
+    if not kept:
+        return no_points(IsolatedStatus.NONE)
+    found = center[kept]
+    real = np.abs(found.imag).max(axis=1) <= _ON_LOCUS * (1.0 + np.abs(found).max(axis=1))
+    found[real] = found[real].real
+    return IsolatedPoints(IsolatedStatus.FINITE, "", found, real, residual[kept])
+
+
+def _on_known_locus(frame: SceneFrame, analysis: TransversalAnalysis, center: ComplexArray) -> bool:
+    lines = [np.concatenate([frame.direction, frame.moment], axis=1), analysis.lines]
+    for line in np.concatenate(lines):
+        if np.linalg.norm(line[3:] - np.cross(center, line[:3])) <= _ON_LOCUS * (1.0 + np.linalg.norm(center)):
+            return True
+    return any(
+        abs(complex(plane[:3] @ center + plane[3])) <= _ON_LOCUS * (1.0 + np.linalg.norm(center))
+        for plane in analysis.planes
+    )

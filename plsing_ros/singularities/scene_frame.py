@@ -1,0 +1,104 @@
+"""The frame in which every computation of this folder runs: centred on the lines, with lengths of order one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.geometry import LineSet
+from plsing_ros.singularities.residual import cross
+
+# Lines that miss a common point by less than this share of that point's distance to the origin cannot be told from
+# lines through it: their coordinates are rounded to about 1e-16 of it, and seven digits must be left to compute with.
+CONCURRENCY_TOLERANCE = 1e-9
+
+# The same in metres for lines that meet at the origin itself.
+_SMALLEST_LENGTH = 1e-12
+
+_IDENTITY = np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFrame:
+    """n lines in coordinates x_scene = (x - center) / length, which do not depend on units or on the origin.
+
+    Attributes:
+        center: The point with the smallest sum of squared distances to the lines, shape (3,) [m].
+        length: Mean distance of the lines to it [m]; 1 if they all pass through it.
+        concurrent: Whether they do, within CONCURRENCY_TOLERANCE.
+        direction: Unit directions, shape (n, 3).
+        point: The point of each line closest to center, in scene coordinates, shape (n, 3).
+    """
+
+    center: Array
+    length: float
+    concurrent: bool
+    direction: Array
+    point: Array
+
+    @classmethod
+    def of(cls, lines: LineSet) -> SceneFrame:
+        """Return the scene frame of lines.
+
+        Source: new, docs/theory.md section "The scene frame".
+        """
+        return cls._centered(lines.direction, cross(lines.direction, lines.moment))
+
+    def recentered(self) -> SceneFrame:
+        """Return the scene frame of these lines alone, in units of this one; for a frame chosen for more lines."""
+        return self._centered(self.direction, self.point)
+
+    @classmethod
+    def _centered(cls, direction: Array, foot: Array) -> SceneFrame:
+        center, length, point = scene_coordinates(direction[np.newaxis], foot[np.newaxis])
+        # scene_coordinates marks concurrent lines with length zero.
+        concurrent = bool(length[0] == 0.0)
+        return cls(center[0], 1.0 if concurrent else float(length[0]), concurrent, direction, point[0])
+
+    @property
+    def moment(self) -> Array:
+        """Moments of the lines about center in scene coordinates, shape (n, 3)."""
+        return cross(self.point, self.direction)
+
+    def to_scene(self, points: Array) -> Array:
+        """Return points [m] of any leading shape (..., 3) in scene coordinates."""
+        return (points - self.center) / self.length
+
+    def from_scene(self, points: Array) -> Array:
+        """Return points in scene coordinates, any leading shape (..., 3), in the frame of the lines [m]."""
+        return points * self.length + self.center
+
+
+def scene_coordinates(direction: Array, foot: Array) -> tuple[Array, Array, Array]:
+    """Return centres (S, 3), lengths (S,) and closest points (S, n, 3) of the scene frames of S scenes of n lines.
+
+    The length is 0 for concurrent lines; their points are in metres then.
+
+    Args:
+        direction: Unit directions, shape (S, n, 3).
+        foot: A point on each line, shape (S, n, 3) [m].
+    """
+    n = direction.shape[1]
+    across = _IDENTITY - direction[..., np.newaxis] * direction[..., np.newaxis, :]
+    mean = foot.sum(axis=1, keepdims=True) / n
+    offset = across @ (foot - mean)[..., np.newaxis]
+    total, target = across.sum(axis=1), offset.sum(axis=1)
+    # (Nearly) parallel lines leave the centre free along them; the pseudo-inverse keeps it next to the mean.
+    flat = np.abs(np.linalg.det(total)) < 1e-9
+    if flat.any():
+        total[~flat] = np.linalg.inv(total[~flat])
+        total[flat] = np.linalg.pinv(total[flat], rcond=1e-12, hermitian=True)
+        to_center = total @ target
+    else:
+        to_center = np.linalg.solve(total, target)
+    # Relative to the mean, so that a scene far from the origin loses no digits here.
+    relative = (offset - across @ to_center[:, np.newaxis])[..., 0]
+    # Removes what rounding left of the component along the line.
+    relative -= (relative * direction).sum(axis=2, keepdims=True) * direction
+    center = mean[:, 0] + to_center[..., 0]
+    length = np.sqrt((relative * relative).sum(axis=2)).sum(axis=1) / n
+    smallest = CONCURRENCY_TOLERANCE * np.sqrt((center * center).sum(axis=1))
+    length = np.where(length <= np.maximum(smallest, _SMALLEST_LENGTH), 0.0, length)
+    return center, length, relative / np.where(length > 0.0, length, 1.0)[:, np.newaxis, np.newaxis]

@@ -1,0 +1,240 @@
+"""singular_set(lines): everything at which a camera that observes n lines loses a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from plsing_ros.arrays import Array, checked_array
+from plsing_ros.geometry import LineSet
+from plsing_ros.singularities.cases import Case, classify
+from plsing_ros.singularities.certificate import Certificate, certify_isolated_point, certify_transversal
+from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, isolated_points_of_four, no_points
+from plsing_ros.singularities.isolated_points import ComplexArray
+from plsing_ros.singularities.loci import DistanceArrays, Kind, LineAndPointTable, LocusDistance
+from plsing_ros.singularities.lost_motion import LostMotion, lost_motions
+from plsing_ros.singularities.many_lines import isolated_points_of_many
+from plsing_ros.singularities.scene_frame import SceneFrame
+from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
+from plsing_ros.singularities.surfaces import Surface, three_line_cubic, transversal_surfaces
+from plsing_ros.singularities.transversals import (
+    NearestTransversal,
+    Transversal,
+    TransversalAnalysis,
+    TransversalFamily,
+    analyze_transversals,
+    named_transversals,
+    nearest_transversal,
+    order_of_loci,
+)
+
+
+
+@dataclass(frozen=True, eq=False)
+class SingularSet:
+    """The camera centres at which n lines lose a motion, in the frame of the lines.
+
+    Attributes:
+        lines: The lines.
+        case: Row of the table of cases; str(case) is a sentence.
+        family: What meets all lines.
+        discriminant: Of the transversals, see TransversalAnalysis.
+        transversals: The single lines that meet all lines, closest to the scene's centre first.
+        isolated_status: What is known about isolated points.
+        isolated_points: The real ones, shape (k, 3) [m], closest to the scene's centre first.
+        isolated_point_residuals: Independent residual of each real one (singularity_residuals), shape (k,).
+        isolated_points_complex: All of them, the real ones first and in the same order, shape (m, 3).
+        isolated_complex_residuals: Independent residual of each of those, shape (m,).
+        surfaces: Planes, quadrics and cubics that are singular as a whole.
+        singular_everywhere: Whether every camera centre is singular.
+        description: What was found, in words.
+        frame: The scene coordinates everything was computed in.
+        certificates: Proofs, if they were asked for.
+    """
+
+    lines: LineSet
+    case: Case
+    family: TransversalFamily
+    discriminant: float | None
+    transversals: tuple[Transversal, ...]
+    isolated_status: IsolatedStatus
+    isolated_points: Array
+    isolated_point_residuals: Array
+    isolated_points_complex: ComplexArray
+    isolated_complex_residuals: Array
+    surfaces: tuple[Surface, ...]
+    singular_everywhere: bool
+    description: str
+    frame: SceneFrame
+    certificates: tuple[Certificate, ...] = ()
+    locus_names: tuple[str, ...] = field(init=False)
+    locus_kinds: tuple[Kind, ...] = field(init=False)
+    _table: LineAndPointTable = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        k = len(self.isolated_points)
+        names = [transversal.name for transversal in self.transversals]
+        names += [f"isolated point {i}" for i in range(1, k + 1)]
+        names += [f"line {i}" for i in self.lines.ids]
+        names += [surface.name for surface in self.surfaces]
+        kinds = [Kind.TRANSVERSAL] * len(self.transversals) + [Kind.ISOLATED_POINT] * k
+        kinds += [Kind.OBSERVED_LINE] * len(self.lines) + [surface.kind for surface in self.surfaces]
+        point = [transversal.point for transversal in self.transversals] + [*self.isolated_points, *self.lines.point]
+        direction = [t.direction for t in self.transversals] + [np.zeros(3)] * k + [*self.lines.direction]
+        object.__setattr__(self, "locus_names", tuple(names))
+        object.__setattr__(self, "locus_kinds", tuple(kinds))
+        object.__setattr__(self, "_table", LineAndPointTable(np.array(point), np.array(direction)))
+
+    def distance_arrays(self, camera_center: npt.ArrayLike) -> DistanceArrays:
+        """Return the distances to all parts of the set in the order of locus_names; for every control cycle.
+
+        The order never changes for one set: transversals, isolated points, observed lines, surfaces.
+
+        Args:
+            camera_center: In the frame of the lines, shape (3,) [m].
+
+        Raises:
+            GeometryError: If camera_center is not three finite numbers.
+        """
+        center = checked_array("camera_center", camera_center, (3,))
+        closest = self._table.closest_points(center)
+        if self.surfaces:
+            steps = [surface.first_order_closest_point(center) for surface in self.surfaces]
+            closest = np.concatenate([closest, steps])
+        offset = closest - center
+        return DistanceArrays(np.sqrt(np.einsum("ij,ij->i", offset, offset)), closest)
+
+    def distances(self, camera_center: npt.ArrayLike) -> list[LocusDistance]:
+        """Return the distances to all parts of the set, nearest first; equal ones in the order of locus_names.
+
+        Args:
+            camera_center: In the frame of the lines, shape (3,) [m].
+
+        Raises:
+            GeometryError: If camera_center is not three finite numbers.
+        """
+        arrays = self.distance_arrays(camera_center)
+        distance = arrays.distance.tolist()
+        return [
+            LocusDistance(self.locus_kinds[i], self.locus_names[i], distance[i], arrays.closest_point[i])
+            for i in sorted(range(len(distance)), key=distance.__getitem__)
+        ]
+
+    @cached_property
+    def nearest_transversal(self) -> NearestTransversal:
+        """The line that comes nearest to meeting all lines, with how far it misses each."""
+        return nearest_transversal(SceneFrame.of(self.lines))
+
+    def lost_motions(self, camera_center: npt.ArrayLike) -> tuple[LostMotion, ...]:
+        """Return the motions that move no image line at a camera centre, see lost_motion.lost_motions."""
+        return lost_motions(self.lines, camera_center)
+
+
+def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
+    """Return all singular camera centres of n lines.
+
+    Any number of lines is answered; fewer than three, parallel or concurrent lines are singular everywhere, which is
+    an answer, not an error.
+
+    Args:
+        lines: n >= 1 lines in any frame that is fixed to them.
+        certify: Also prove, in interval arithmetic, that a true transversal or isolated point is near each one found;
+            for four distinct lines, where the equations are as many as the unknowns. Takes about a second and needs
+            mpmath.
+
+    Source: sections "Singularities in P4L" and "P5L"; the isolated points are new (docs/theory.md).
+    """
+    frame = SceneFrame.of(lines)
+    rows = distinct_rows(frame)
+    reason = singular_everywhere_reason(frame, len(rows))
+    if reason is not None:
+        return _assembled(
+            lines,
+            frame,
+            Case.SINGULAR_EVERYWHERE,
+            TransversalAnalysis(TransversalFamily.EVERYWHERE, 0, None, np.zeros((0, 6)), np.zeros((0, 4))),
+            (),
+            no_points(IsolatedStatus.EVERYWHERE),
+            reason,
+        )
+    reduced = frame if len(rows) == len(lines) else SceneFrame.of(lines.select(rows))
+    analysis = analyze_transversals(reduced)
+    surfaces = transversal_surfaces(reduced, analysis)
+    case = classify(reduced.direction, analysis.family)
+    if len(rows) == 3:
+        cubic = three_line_cubic(reduced)
+        surfaces += (cubic,) if cubic is not None else ()
+        isolated = no_points(IsolatedStatus.SURFACES)
+    elif len(rows) == 4:
+        isolated = isolated_points_of_four(reduced, analysis, surfaces)
+    else:
+        isolated = isolated_points_of_many(reduced, analysis)
+    found = _assembled(lines, reduced, case, analysis, surfaces, isolated)
+    return replace(found, certificates=_certificates(found, lines.select(rows))) if certify and len(rows) == 4 else found
+
+
+def _certificates(found: SingularSet, distinct: LineSet) -> tuple[Certificate, ...]:
+    """Return a certificate for each transversal, real point and pair of complex points of four distinct lines."""
+    frame, k = found.frame, len(found.isolated_points)
+    proofs = [certify_transversal(distinct, frame, t.point, t.direction, t.name) for t in found.transversals]
+    for i, center in enumerate(found.isolated_points_complex):
+        if i < k:
+            proofs.append(certify_isolated_point(distinct, frame, center, f"isolated point {i + 1}"))
+        elif center[np.argmax(np.abs(center.imag))].imag > 0.0:
+            proofs.append(certify_isolated_point(distinct, frame, center, f"complex point {i + 1} and its conjugate"))
+    return tuple(proofs)
+
+
+def _assembled(
+    lines: LineSet,
+    frame: SceneFrame,
+    case: Case,
+    analysis: TransversalAnalysis,
+    surfaces: tuple[Surface, ...],
+    isolated: IsolatedPoints,
+    reason: str = "",
+) -> SingularSet:
+    """Name and order everything that was found, and turn scene coordinates into those of the lines."""
+    real = np.flatnonzero(isolated.real)
+    real = real[order_of_loci(isolated.center[real].real)]
+    order = np.concatenate([real, np.flatnonzero(~isolated.real)])
+    points: ComplexArray = isolated.center[order] * frame.length + frame.center
+    residuals = isolated.residual[order]
+    return SingularSet(
+        lines=lines,
+        case=case,
+        family=analysis.family,
+        discriminant=analysis.discriminant,
+        transversals=named_transversals(analysis, frame),
+        isolated_status=isolated.status,
+        isolated_points=points[: len(real)].real.copy(),
+        isolated_point_residuals=residuals[: len(real)],
+        isolated_points_complex=points,
+        isolated_complex_residuals=residuals,
+        surfaces=surfaces,
+        singular_everywhere=case is Case.SINGULAR_EVERYWHERE,
+        description=_description(case, analysis, surfaces, isolated, len(real), reason),
+        frame=frame,
+    )
+
+
+def _description(
+    case: Case,
+    analysis: TransversalAnalysis,
+    surfaces: tuple[Surface, ...],
+    isolated: IsolatedPoints,
+    real: int,
+    reason: str,
+) -> str:
+    """Return what was found, for a person."""
+    if case is Case.SINGULAR_EVERYWHERE:
+        return f"{case} Here {reason}."
+    parts = [str(case), f"Found: {analysis.family};"]
+    if surfaces:
+        parts.append(f"surfaces: {', '.join(surface.name for surface in surfaces)};")
+    if isolated.status is not IsolatedStatus.SURFACES:
+        parts.append(f"{real} real of {len(isolated.center)} isolated points ({isolated.status}).")
+    return " ".join([*parts, isolated.note]).rstrip(" ;")

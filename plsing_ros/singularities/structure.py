@@ -1,0 +1,60 @@
+"""Scenes that are singular wherever the camera is, and lines that are given twice."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.singularities.residual import cross
+from plsing_ros.singularities.scene_frame import SceneFrame
+
+# Unit directions and scene coordinates that differ by less than this are equal.
+TOLERANCE = 1e-9
+
+
+def distinct_rows(frame: SceneFrame) -> list[int]:
+    """Return the rows of the lines without those that repeat an earlier one, with either orientation."""
+    cosine = frame.direction @ frame.direction.T
+    n = len(cosine)
+    # No two directions within a thousandth of a radian: nothing to look at more closely.
+    if n < 2 or float((np.abs(cosine) - np.eye(n)).max()) < 1.0 - 5e-7:
+        return list(range(n))
+    kept: list[int] = []
+    for row in range(n):
+        sign = np.sign(cosine[row, kept])[:, np.newaxis]
+        turned = np.abs(frame.direction[row] - sign * frame.direction[kept]).max(axis=1)
+        apart = np.abs(_foot_difference(frame, row, kept)).max(axis=1)
+        if not ((turned <= TOLERANCE) & (apart <= TOLERANCE)).any():
+            kept.append(row)
+    return kept
+
+
+def _foot_difference(frame: SceneFrame, row: int, others: list[int]) -> Array:
+    difference: Array = frame.point[row] - frame.point[others]
+    return difference
+
+
+def singular_everywhere_reason(frame: SceneFrame, distinct: int) -> str | None:
+    """Return why every camera position is singular and which motion is lost there, or None if that is not so.
+
+    Args:
+        frame: The scene with all its lines.
+        distinct: How many of them differ.
+
+    Source: new, docs/theory.md section "Singular everywhere".
+    """
+    n = len(frame.direction)
+    if distinct < 3:
+        given = f"{n} line{'s' if n > 1 else ''}" + ("" if distinct == n else f", only {distinct} of them different,")
+        return (
+            f"{given} cannot fix six degrees of freedom (two for each line): at least {6 - 2 * distinct} motions are "
+            "lost everywhere"
+        )
+    first = frame.direction[0]
+    if float(np.abs(cross(frame.direction[1:], first)).max()) <= TOLERANCE:
+        direction = ", ".join(f"{value:.6g}" for value in first)
+        return f"all lines are parallel: translation along their direction ({direction}) is lost everywhere"
+    if frame.concurrent:
+        point = ", ".join(f"{value:.6g}" for value in frame.center)
+        return f"all lines pass through the point ({point}): translation towards or away from it is lost everywhere"
+    return None

@@ -1,0 +1,302 @@
+"""The straight lines that meet all n observed lines: on them every camera loses a translation."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.singularities.residual import cross, singularity_residuals
+from plsing_ros.singularities.scene_frame import SceneFrame
+
+# Everything here is of order one in the scene frame; what is below this is zero. Rounded coordinates leave 1e-15, and
+# 1e-12 in a scene a thousand scene lengths from the origin, so that a scene that was meant to be special is seen as it.
+TOLERANCE = 1e-9
+
+
+class TransversalFamily(enum.Enum):
+    """How many lines meet all observed lines, over the reals."""
+
+    NONE = "no line meets all observed lines"
+    ONE = "one line meets all observed lines"
+    TWO = "two lines meet all observed lines (hyperbolic congruence)"
+    DOUBLE = "one line, counted twice, meets all observed lines (parabolic congruence)"
+    COMPLEX_PAIR = "only two complex conjugate lines meet all observed lines (elliptic congruence)"
+    PENCIL = "all lines of one plane through one of its points meet all observed lines"
+    TWO_PENCILS = "the lines of two plane pencils meet all observed lines"
+    REGULUS = "all lines of one regulus meet all observed lines"
+    PLANE = "the observed lines are in one plane, and all lines of the plane meet them"
+    EVERYWHERE = "through every point passes a line that meets all observed lines"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True, eq=False)
+class Transversal:
+    """A straight line that meets all observed lines.
+
+    Attributes:
+        point: Its point closest to the scene's centre, in the frame of the lines, shape (3,) [m].
+        direction: Unit direction; of its two signs the one whose largest component is positive, shape (3,).
+        residual: The largest of the independent residuals (singularity_residuals) at three of its points.
+        name: "transversal 1", ...: the one closest to the scene's centre first.
+    """
+
+    point: Array
+    direction: Array
+    residual: float
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class TransversalAnalysis:
+    """What meets all n lines, in scene coordinates.
+
+    Attributes:
+        family: How many.
+        null_dimension: Dimension of the null space of the n x 6 Plücker matrix.
+        discriminant: Of the quadratic on a two-dimensional null space, positive for two real lines; the value d . m of
+            the null vector (d, m) itself for a one-dimensional one: zero exactly for a singular linear complex. None
+            otherwise.
+        lines: Single transversals (d, m), at infinity too, shape (k, 6), unit length.
+        planes: (a, b) of the planes a . x + b = 0 filled with transversals, shape (p, 4).
+    """
+
+    family: TransversalFamily
+    null_dimension: int
+    discriminant: float | None
+    lines: Array
+    planes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class NearestTransversal:
+    """The finite line that comes nearest to meeting all observed lines.
+
+    Attributes:
+        point: Its point closest to the scene's centre, in the frame of the lines, shape (3,) [m].
+        direction: Unit direction, shape (3,).
+        residual: The largest of the independent residuals (singularity_residuals) at three of its points.
+        miss: How far it passes from each observed line, shape (n,) [m].
+    """
+
+    point: Array
+    direction: Array
+    residual: float
+    miss: Array
+
+
+_NO_LINES = np.zeros((0, 6))
+_NO_PLANES = np.zeros((0, 4))
+
+
+def analyze_transversals(frame: SceneFrame, tolerance: float = TOLERANCE) -> TransversalAnalysis:
+    """Return what meets all lines of a scene.
+
+    Args:
+        frame: The scene, n >= 1 lines.
+        tolerance: Singular values of the Plücker matrix relative to the largest, and products d . m of unit vectors,
+            up to this count as zero.
+
+    Source: eq. discr and section "Analysis of the variety V(G)" for n = 4 and 5; the cases by the rank of d . m on the
+    null space are new, docs/theory.md section "Transversals".
+    """
+    rows = np.concatenate([frame.moment, frame.direction], axis=1)
+    _, singular_values, right = np.linalg.svd(rows)
+    dimension = 6 - int((singular_values > tolerance * singular_values[0]).sum())
+    null = right[6 - dimension :]
+    form = _klein_form(null)
+    if dimension == 0:
+        return TransversalAnalysis(TransversalFamily.NONE, 0, None, _NO_LINES, _NO_PLANES)
+    if dimension == 1:
+        value = float(form[0, 0])
+        if abs(value) <= tolerance:
+            return TransversalAnalysis(TransversalFamily.ONE, 1, value, null, _NO_PLANES)
+        return TransversalAnalysis(TransversalFamily.NONE, 1, value, _NO_LINES, _NO_PLANES)
+    if dimension == 2:
+        return _of_pencil(null, form, tolerance)
+    if dimension == 3:
+        return _of_net(null, form, tolerance)
+    return TransversalAnalysis(TransversalFamily.EVERYWHERE, dimension, None, _NO_LINES, _NO_PLANES)
+
+
+def named_transversals(analysis: TransversalAnalysis, frame: SceneFrame) -> tuple[Transversal, ...]:
+    """Return the finite single transversals in the frame of the lines, closest to the scene's centre first."""
+    length = np.sqrt((analysis.lines[:, :3] ** 2).sum(axis=1, keepdims=True))
+    finite = length[:, 0] > TOLERANCE
+    if not finite.any():
+        return ()
+    line, length = analysis.lines[finite], length[finite]
+    direction = line[:, :3] / length
+    direction *= np.where((direction * direction).max(axis=1) == direction.max(axis=1) ** 2, 1.0, -1.0)[:, np.newaxis]
+    foot = cross(line[:, :3], line[:, 3:]) / length**2
+    residual = _residual_along(frame, foot, direction).tolist()
+    point = frame.from_scene(foot)
+    return tuple(
+        Transversal(point[i], direction[i], residual[i], f"transversal {rank}")
+        for rank, i in enumerate(order_of_loci(foot, direction), start=1)
+    )
+
+
+def nearest_transversal(frame: SceneFrame) -> NearestTransversal:
+    """Return the line that comes nearest to meeting all observed lines, whether or not one meets them all.
+
+    It minimises the sum of squares of l_i . d + u_i . m over unit directions d and moments m with d . m = 0: of the
+    distances to the observed lines, each times the sine of the angle with it.
+
+    Args:
+        frame: The scene.
+
+    Source: new, docs/theory.md section "The nearest transversal".
+    """
+    rows = np.concatenate([frame.moment, frame.direction], axis=1)
+    _, _, right = np.linalg.svd(rows)
+    starts = [*_of_pencil(right[-2:], _klein_form(right[-2:]), TOLERANCE).lines, *right[::-1]]
+    line = min((_descended(rows, start) for start in starts), key=lambda t: float(np.linalg.norm(rows @ t)))
+    direction = line[:3]
+    foot = np.cross(direction, line[3:])
+    crossing = np.cross(direction, frame.direction)
+    sine = np.linalg.norm(crossing, axis=1)
+    parallel = sine <= TOLERANCE
+    apart = np.linalg.norm(np.cross(frame.point - foot, direction), axis=1)
+    miss = np.where(parallel, apart, np.abs(rows @ line) / np.where(parallel, 1.0, sine))
+    residual = _residual_along(frame, foot[np.newaxis], direction[np.newaxis])[0]
+    return NearestTransversal(frame.from_scene(foot), direction, float(residual), miss * frame.length)
+
+
+def _descended(rows: Array, start: Array) -> Array:
+    """Return the local minimum of |rows @ t| over finite lines t = (d, m), |d| = 1, by Gauss-Newton."""
+    line = _as_line(start)
+    value = float(np.linalg.norm(rows @ line))
+    for _ in range(50):
+        d, m = line[:3], line[3:]
+        constraints = np.array([[*d, 0.0, 0.0, 0.0], [*m, *d]])
+        tangent = np.linalg.svd(constraints)[2][2:].T
+        step = tangent @ np.linalg.lstsq(rows @ tangent, -(rows @ line), rcond=1e-12)[0]
+        scale = 1.0
+        while scale > 1e-4:
+            trial = _as_line(line + scale * step)
+            smaller = float(np.linalg.norm(rows @ trial))
+            if smaller < value:
+                break
+            scale *= 0.5
+        else:
+            return line
+        finished = value - smaller <= 1e-15 * (1.0 + value)
+        line, value = trial, smaller
+        if finished:
+            break
+    return line
+
+
+def _as_line(vector: Array) -> Array:
+    """Return the line (d, m), |d| = 1, d . m = 0, near a vector."""
+    d, m = vector[:3], vector[3:]
+    length = float(np.linalg.norm(d))
+    if length <= TOLERANCE:
+        d, length = np.array([0.0, 0.0, 1.0]), 1.0
+    d, m = d / length, m / length
+    return np.concatenate([d, m - (m @ d) * d])
+
+
+def _klein_form(basis: Array) -> Array:
+    """Return the symmetric matrix of d . m on the span of rows (d, m)."""
+    form = basis[:, :3] @ basis[:, 3:].T
+    symmetric: Array = 0.5 * (form + form.T)
+    return symmetric
+
+
+def _residual_along(frame: SceneFrame, foot: Array, direction: Array) -> Array:
+    """Return the largest residual at three points of each line, shape (k,).
+
+    Three, so that a foot that happens to be on an observed line does not hide a wrong direction.
+    """
+    places = foot[:, np.newaxis, :] + direction[:, np.newaxis, :] * np.array([[0.0], [1.0], [-1.618]])
+    residual: Array = singularity_residuals(frame.point, frame.direction, places.reshape(-1, 3)).reshape(-1, 3).max(axis=1)
+    return residual
+
+
+def order_of_loci(point: Array, direction: Array | None = None) -> list[int]:
+    """Return the order in which loci are named: by distance to the scene's centre, then by coordinates.
+
+    The distance comes first because it does not depend on the frame, the unit or the order of the lines; it is
+    compared to six digits, so that equally distant loci of a symmetric scene do not change places with rounding.
+
+    Args:
+        point: Their points closest to the centre, scene coordinates, shape (k, 3).
+        direction: Their directions, if they are lines, shape (k, 3).
+    """
+    if len(point) < 2:
+        return list(range(len(point)))
+    columns = point if direction is None else np.concatenate([point, direction], axis=1)
+    distance = np.sqrt((point * point).sum(axis=1)).tolist()
+    rows = np.round(columns, 6).tolist()
+    return sorted(range(len(rows)), key=lambda i: (float(f"{distance[i]:.6g}"), rows[i]))
+
+
+def _of_pencil(null: Array, form: Array, tolerance: float) -> TransversalAnalysis:
+    """The transversals in a two-dimensional null space: the zeros of a binary quadratic form."""
+    a, b, c = float(form[0, 0]), float(form[0, 1]), float(form[1, 1])
+    discriminant = b * b - a * c
+    if max(abs(a), abs(b), abs(c)) <= tolerance:
+        return TransversalAnalysis(TransversalFamily.PENCIL, 2, discriminant, _NO_LINES, _plane_of(null))
+    if discriminant < -tolerance:
+        return TransversalAnalysis(TransversalFamily.COMPLEX_PAIR, 2, discriminant, _NO_LINES, _NO_PLANES)
+    if discriminant <= tolerance:
+        root = np.array([[-b, a]] if abs(a) >= abs(c) else [[c, -b]])
+        return TransversalAnalysis(TransversalFamily.DOUBLE, 2, discriminant, _unit_rows(root @ null), _NO_PLANES)
+    # The root without cancellation first; the other from the product of the two.
+    q = -(b + np.copysign(np.sqrt(discriminant), b))
+    roots = np.array([[q, a], [c, q]])
+    return TransversalAnalysis(TransversalFamily.TWO, 2, discriminant, _unit_rows(roots @ null), _NO_PLANES)
+
+
+def _of_net(null: Array, form: Array, tolerance: float) -> TransversalAnalysis:
+    """The transversals in a three-dimensional null space: the zeros of a ternary quadratic form, a conic."""
+    value, vector = np.linalg.eigh(form)
+    rank = int((np.abs(value) > tolerance).sum())
+    if rank == 3:
+        return TransversalAnalysis(TransversalFamily.REGULUS, 3, None, _NO_LINES, _NO_PLANES)
+    if rank == 0:
+        # All d . m vanish: the lines of one plane, or all lines through one point (finite or not).
+        flat = np.linalg.svd(null[:, :3], compute_uv=False)
+        if flat[2] <= tolerance < flat[1]:
+            return TransversalAnalysis(TransversalFamily.PLANE, 3, None, _NO_LINES, _plane_of(null))
+        return TransversalAnalysis(TransversalFamily.EVERYWHERE, 3, None, _NO_LINES, _NO_PLANES)
+    # Two planes of vectors, b . x = 0 with b = sqrt|v1| e1 +- sqrt|v2| e2, equal when the rank is one.
+    order = np.argsort(-np.abs(value))
+    first, second = (np.sqrt(np.abs(value[i])) * vector[:, i] for i in order[:2])
+    if rank == 2 and value[order[0]] * value[order[1]] > 0.0:
+        return TransversalAnalysis(
+            TransversalFamily.ONE, 3, None, _unit_rows(vector[:, order[2:]].T @ null), _NO_PLANES
+        )
+    normals = [first] if rank == 1 else [first + second, first - second]
+    planes = np.concatenate([_plane_of(np.linalg.svd(b[np.newaxis, :])[2][1:] @ null) for b in normals])
+    family = TransversalFamily.PENCIL if rank == 1 else TransversalFamily.TWO_PENCILS
+    return TransversalAnalysis(family, 3, None, _NO_LINES, planes)
+
+
+def _plane_of(lines: Array) -> Array:
+    """Return the plane (a, b), a . x + b = 0, |a| = 1, through coplanar lines (d, m); none if it is at infinity.
+
+    A line lies in the plane if a . d = 0 and a x m = b d.
+    """
+    equations = np.zeros((4 * len(lines), 4))
+    for row, line in enumerate(lines):
+        d, (x, y, z) = line[:3], line[3:]
+        equations[4 * row, :3] = d
+        equations[4 * row + 1 : 4 * row + 4, :3] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+        equations[4 * row + 1 : 4 * row + 4, 3] = -d
+    plane: Array = np.linalg.svd(equations)[2][-1:]
+    normal_length = float(np.linalg.norm(plane[0, :3]))
+    if normal_length <= TOLERANCE:
+        return _NO_PLANES
+    return plane / normal_length
+
+
+def _unit_rows(rows: Array) -> Array:
+    unit: Array = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    return unit
