@@ -33,17 +33,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--starts", nargs="+", type=int, choices=(1, 2, 3, 4), default=(1, 2, 3, 4), help="which starts")
+    parser.add_argument(
+        "--starts", nargs="+", type=int, choices=(1, 2, 3, 4), default=(1, 2, 3, 4), help="which starts"
+    )
     parser.add_argument("--output", type=Path, default=Path("demo_output"), help="folder of the figures (%(default)s)")
-    parser.add_argument("--executor", choices=("events", "single"), default="events", help="rclpy executor (%(default)s)")
+    parser.add_argument(
+        "--executor", choices=("events", "single"), default="events", help="rclpy executor (%(default)s)"
+    )
     options = parser.parse_args(argv)
     try:
         _run(options)
     except PlsingError as error:
         print(f"demo: {error}", file=sys.stderr)
-        return 1
-    except OSError as error:
-        print(f"demo: cannot write the figures to {options.output}: {error}; choose another --output", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("\ndemo: interrupted", file=sys.stderr)
@@ -56,11 +57,19 @@ def _run(options: argparse.Namespace) -> None:
     found = singular_set(read_scene(params_file))
     print(f"The paper's four lines: {found.description}")
     print(f"Four starts within 0.7 m of a target near {found.transversals[0].name}, lambda = {experiment.GAIN} 1/s\n")
-    options.output.mkdir(parents=True, exist_ok=True)
+    _make_folder(options.output)
     records = [_run_start(experiment.STARTS[number - 1], params_file, options.executor) for number in options.starts]
     print(f"\n{summary_table(records)}\n")
     for file in save_figures(records, found, options.output):
         print(f"figure: {file}")
+
+
+def _make_folder(folder: Path) -> None:
+    """Make the folder of the figures before the long part, so that nothing is lost."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise PlsingError(f"cannot write the figures to {folder}: {error}; choose another --output") from None
 
 
 def _run_start(start: experiment.Start, params_file: Path, executor: str) -> RunRecord:

@@ -26,8 +26,9 @@ NODES: dict[str, type[ParameterSet]] = {
 def parameter_file(node: str) -> str:
     """Return a ROS parameter file with every parameter of a node at its default, its meaning, unit and range."""
     lines = [
-        f"# Every parameter of {node}, at its default. Give it before the file of a scene, which then has the last word:",
-        f"#   ros2 run plsing_ros {node} --ros-args --params-file config/{node}.yaml --params-file config/paper_p4l.yaml",
+        f"# Every parameter of {node}, at its default. Give it before a scene's file, which has the last word:",
+        f"#   ros2 run plsing_ros {node} --ros-args \\",
+        f"#     --params-file config/{node}.yaml --params-file config/paper_p4l.yaml",
         "# Made by python3 -m plsing_ros.cli.parameter_files from plsing_ros/parameters/.",
         "",
         f"/**/{node}:",
@@ -46,7 +47,13 @@ def parameter_page() -> str:
     """Return the parameters of all nodes as Markdown tables."""
     lines = ["# Parameters", "", "Made by `python3 -m plsing_ros.cli.parameter_files` from `plsing_ros/parameters/`."]
     for node, kind in NODES.items():
-        lines += ["", f"## {node}", "", "| name | default | unit | allowed | live | meaning |", "|---|---|---|---|---|---|"]
+        lines += [
+            "",
+            f"## {node}",
+            "",
+            "| name | default | unit | allowed | live | meaning |",
+            "|---|---|---|---|---|---|",
+        ]
         for name, (field, specification) in kind.specifications().items():
             cells = (
                 f"`{name}`",

@@ -17,4 +17,6 @@ def config_file(name: str) -> Path:
     for folder in [folders[2] / "config", *(each / "share" / "plsing_ros" / "config" for each in folders)]:
         if (folder / name).is_file():
             return folder / name
-    raise SceneFileError(f"parameter file {name} is neither in {folders[2] / 'config'} nor in an installed share folder")
+    raise SceneFileError(
+        f"parameter file {name} is neither in {folders[2] / 'config'} nor in an installed share folder"
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,20 +29,20 @@ def save_figures(records: Sequence[RunRecord], found: SingularSet, folder: Path)
     Args:
         records: The runs.
         found: The singular set of the scene.
-        folder: Where to write the PNG files; made if missing.
+        folder: Where to write the PNG files; it must exist.
 
     Returns:
         The files, in order.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     files = []
-    for name, draw in (
-        ("trajectories", lambda figure: _draw_trajectories(figure, records, found)),
-        ("inverse_condition_number", lambda figure: _draw_condition(figure, records)),
-        ("error_norm", lambda figure: _draw_errors(figure, records)),
-        ("twists", lambda figure: _draw_twists(figure, records)),
-        ("distance_to_target", lambda figure: _draw_distances(figure, records)),
-    ):
+    drawings: dict[str, Callable[[Any], None]] = {
+        "trajectories": lambda figure: _draw_trajectories(figure, records, found),
+        "inverse_condition_number": lambda figure: _draw_condition(figure, records),
+        "error_norm": lambda figure: _draw_errors(figure, records),
+        "twists": lambda figure: _draw_twists(figure, records),
+        "distance_to_target": lambda figure: _draw_distances(figure, records),
+    }
+    for name, draw in drawings.items():
         figure = plt.figure(figsize=(11, 5.5), layout="constrained")
         draw(figure)
         files.append(folder / f"{name}.png")
@@ -62,7 +62,9 @@ def _draw_trajectories(figure: Any, records: Sequence[RunRecord], found: Singula
     )
     for column, (title, center, radius) in enumerate(views):
         axes = figure.add_subplot(1, 2, column + 1, projection="3d")
-        _draw_lines(axes, found.lines.point, found.lines.direction, center, radius, color="black", label="observed lines")
+        _draw_lines(
+            axes, found.lines.point, found.lines.direction, center, radius, color="black", label="observed lines"
+        )
         if found.transversals:
             points = np.array([each.point for each in found.transversals])
             directions = np.array([each.direction for each in found.transversals])
@@ -70,7 +72,9 @@ def _draw_trajectories(figure: Any, records: Sequence[RunRecord], found: Singula
                 axes, points, directions, center, radius, color="tab:orange", linestyle="--", label="transversals"
             )
         for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
-            path = np.where(np.abs(record.position - center).max(axis=1, keepdims=True) <= radius, record.position, np.nan)
+            path = np.where(
+                np.abs(record.position - center).max(axis=1, keepdims=True) <= radius, record.position, np.nan
+            )
             axes.plot(*path.T, color=color, label=record.name, linewidth=1.5)
             axes.plot(*path[0], "o", color=color, markersize=4)
         axes.plot(*target, "*", color="black", markersize=10, label="target")

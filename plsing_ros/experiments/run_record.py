@@ -48,12 +48,12 @@ class RunRecord:
     @property
     def distance(self) -> Array:
         """Distance of the camera centre to the target, shape (k,) [m]."""
-        return np.linalg.norm(self.position - self.target, axis=1)
+        return np.asarray(np.linalg.norm(self.position - self.target, axis=1))
 
     @property
     def linear_speed(self) -> Array:
         """|v|, shape (k,) [m/s]."""
-        return np.linalg.norm(self.twist[:, :3], axis=1)
+        return np.asarray(np.linalg.norm(self.twist[:, :3], axis=1))
 
     @property
     def distance_is_monotone(self) -> bool:

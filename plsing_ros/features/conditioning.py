@@ -22,7 +22,7 @@ class Conditioning:
             which makes it free of units, in [0, 1].
         characteristic_length: [m].
         weakest_motion: Unit twist (v [m/s], omega [rad/s]) of the camera that changes the image least, in its optical
-            frame, shape (6,); at a singularity the lost motion. Its sign is chosen so that its largest entry is positive.
+            frame, shape (6,); at a singularity the lost motion. Its sign makes its largest entry positive.
     """
 
     singular_values: Array
@@ -67,12 +67,12 @@ def conditioning(matrix: npt.ArrayLike, characteristic_length: float = 1.0) -> C
 
 
 def inverse_condition_number(matrix: npt.ArrayLike) -> float:
-    """Return the smallest over the largest singular value of an interaction matrix (m, 6), in [0, 1]; never infinite."""
+    """Return the smallest over the largest singular value of a matrix (m, 6), in [0, 1]; never infinite."""
     return conditioning(matrix).inverse_condition_number
 
 
 def _svd_of_columns(matrix: Array) -> tuple[Array, Array]:
-    """Return six singular values and the six right singular vectors as rows, also when there are fewer than six rows."""
+    """Return six singular values and the six right singular vectors as rows, for any number of rows."""
     rows = np.vstack([matrix, np.zeros((6 - len(matrix), 6))]) if len(matrix) < 6 else matrix
     _, singular_values, right = np.linalg.svd(rows, full_matrices=False)
     return singular_values, right

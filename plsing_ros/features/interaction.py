@@ -8,6 +8,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.features.projection import _usable_depth
 from plsing_ros.geometry import LineSet
 
+
 def interaction_matrix(lines_camera: LineSet) -> Array:
     """Return L with ds/dt = L @ twist for the image lines of fixed 3-D lines seen by a moving camera.
 

@@ -40,7 +40,9 @@ class LineObservation:
         n = len(self.ids)
         if len(set(self.ids)) != n:
             repeated = sorted({i for i in self.ids if self.ids.count(i) > 1})
-            raise ObservationError(f"line id {repeated[0]} occurs more than once in one observation; ids must be distinct")
+            raise ObservationError(
+                f"line id {repeated[0]} occurs more than once in one observation; ids must be distinct"
+            )
         image = checked_array("image_lines", self.image_lines, (n, 3), ObservationError)
         usable = np.array(self.usable, dtype=bool)
         if usable.shape != (n,):

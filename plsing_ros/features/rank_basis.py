@@ -32,12 +32,12 @@ def rank_basis(lines: LineSet, camera_center: npt.ArrayLike, normalized: bool = 
     # The moment about C is CM x u = -f.
     f = np.cross(center, direction) - lines.moment
     m = np.cross(direction, f)
-    xi = np.zeros((len(lines), 2, 6))
-    xi[:, 0, :3] = f
+    rows = np.zeros((len(lines), 2, 6))
+    rows[:, 0, :3] = f
     # With M_i closest to C: CM_i = f x u = -m.
-    xi[:, 0, 3:] = np.cross(f, m)
-    xi[:, 1, 3:] = m
-    xi = xi.reshape(-1, 6)
+    rows[:, 0, 3:] = np.cross(f, m)
+    rows[:, 1, 3:] = m
+    xi: Array = rows.reshape(-1, 6)
     if normalized:
         length = np.linalg.norm(xi, axis=1, keepdims=True)
         xi = np.divide(xi, length, out=np.zeros_like(xi), where=length > 0.0)

@@ -98,7 +98,7 @@ class LineSet:
             )
         unit = direction / largest
         unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-        return cls(unit, np.cross(point, unit), frame, checked_ids)
+        return cls(unit, np.asarray(np.cross(point, unit), dtype=np.float64), frame, checked_ids)
 
     def __len__(self) -> int:
         return len(self.direction)
@@ -106,7 +106,7 @@ class LineSet:
     @cached_property
     def point(self) -> Array:
         """The point of each line closest to the frame's origin, shape (n, 3) [m]."""
-        return np.cross(self.direction, self.moment)
+        return np.asarray(np.cross(self.direction, self.moment), dtype=np.float64)
 
     def transformed(self, T_target_source: Pose, frame: str) -> LineSet:
         """Return the same lines in another frame.
@@ -124,9 +124,8 @@ class LineSet:
 
     def select(self, rows: Sequence[int] | npt.NDArray[np.intp]) -> LineSet:
         """Return the lines of the given rows, in that order, with their ids."""
-        return LineSet(
-            self.direction[list(rows)], self.moment[list(rows)], self.frame, tuple(self.ids[i] for i in rows)
-        )
+        chosen = [int(row) for row in rows]
+        return LineSet(self.direction[chosen], self.moment[chosen], self.frame, tuple(self.ids[row] for row in chosen))
 
     def reversed(self) -> LineSet:
         """Return the same lines with the opposite orientation."""

@@ -30,7 +30,9 @@ def read_scene(path: str | Path) -> LineSet:
         raise SceneFileError(f"scene file {path} is not YAML: {error}") from None
     for node in content.values() if isinstance(content, dict) else ():
         parameters = node.get("ros__parameters") if isinstance(node, dict) else None
-        lines = parameters.get("lines") if isinstance(parameters, dict) else None
+        if not isinstance(parameters, dict):
+            continue
+        lines = parameters.get("lines")
         if isinstance(lines, dict) and "points" in lines and "directions" in lines:
             try:
                 return LineSet.from_points_directions(

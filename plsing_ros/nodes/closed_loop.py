@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from plsing_msgs.msg import ControllerState, SingularityAlert, SingularityStatus
 from rclpy.qos import QoSProfile
 
-from plsing_msgs.msg import ControllerState, SingularityAlert, SingularityStatus
 from plsing_ros.errors import PlsingError
 from plsing_ros.experiments.run_record import Alert, RunRecord
 from plsing_ros.nodes import qos
@@ -113,7 +113,9 @@ def _stamp(message: Any) -> int:
 def _of_stamp(messages: Collected, stamp: int) -> Any:
     found = next((each for each in reversed(messages) if _stamp(each) == stamp), None)
     if found is None:
-        raise PlsingError(f"the message of {messages.topic} at {stamp / _SECOND:g} s was lost; is the machine overloaded?")
+        raise PlsingError(
+            f"the message of {messages.topic} at {stamp / _SECOND:g} s was lost; is the machine overloaded?"
+        )
     return found
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
+from plsing_msgs.msg import ControllerState, LineFeatureArray
 from std_srvs.srv import SetBool
 
-from plsing_msgs.msg import ControllerState, LineFeatureArray
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
@@ -24,7 +24,7 @@ from plsing_ros.servoing.line_servo import Command, LineServo, Mode
 
 
 class Controller(ParameterizedNode[ControllerParameters]):
-    """Answers each line_features with a cmd_twist of the same stamp; zero, with the reason in ~/state, if it must not move."""
+    """Answers each line_features with a cmd_twist of the same stamp; zero if it must not move, and ~/state says why."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("controller", ControllerParameters, **options)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import array
+
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped, Twist, TwistStamped
-from std_msgs.msg import Header
-
 from plsing_msgs.msg import (
     ControllerState,
     LineFeatureArray,
@@ -16,6 +15,8 @@ from plsing_msgs.msg import (
     SingularLoci,
 )
 from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
+from std_msgs.msg import Header
+
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import LineObservation
@@ -99,15 +100,18 @@ def observation_from_message(message: LineFeatureArray, frame: str) -> LineObser
                 f"expected {' or '.join(map(str, allowed))}"
             )
     visible = np.array(message.visible, dtype=bool) if len(message.visible) else np.ones(n, dtype=bool)
-    rows = [_rows(name, getattr(message, name), n) for name in ("image_lines", "directions", "moments")]
-    image_lines, directions, moments = rows
     return LineObservation.from_rows(
-        tuple(message.ids), image_lines, directions, moments, visible, frame
+        tuple(message.ids),
+        _rows("image_lines", message.image_lines),
+        _rows("directions", message.directions) if len(message.directions) else None,
+        _rows("moments", message.moments) if len(message.moments) else None,
+        visible,
+        frame,
     )
 
 
-def _rows(name: str, values: array.array[float], n: int) -> Array | None:
-    return checked_array(name, np.frombuffer(values).reshape(n, 3), (n, 3), ObservationError) if len(values) else None
+def _rows(name: str, values: array.array[float]) -> Array:
+    return checked_array(name, np.frombuffer(values).reshape(-1, 3), (None, 3), ObservationError)
 
 
 def twist_message(twist: Array) -> Twist:
@@ -159,7 +163,9 @@ def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str) -> 
         GeometryError: If a value is not finite, the quaternion is not of unit length, or the frame is another one.
     """
     if message.header.frame_id != frame:
-        raise GeometryError(f"camera_pose is in frame '{message.header.frame_id}', expected '{frame}' (parameter scene_frame)")
+        raise GeometryError(
+            f"camera_pose is in frame '{message.header.frame_id}', expected '{frame}' (parameter scene_frame)"
+        )
     position, q = message.pose.pose.position, message.pose.pose.orientation
     return Pose.from_quaternion([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])
 
@@ -234,7 +240,6 @@ def locus_distance_message(nearest: LocusDistance | None) -> LocusDistanceMessag
     )
 
 
-
 def loci_message(found: SingularSet, head: Header) -> SingularLoci:
     """Return the singular set of a scene."""
     lines = found.lines
@@ -249,9 +254,7 @@ def loci_message(found: SingularSet, head: Header) -> SingularLoci:
         transversal_directions=flat(np.array([each.direction for each in found.transversals])),
         transversal_residuals=flat(np.array([each.residual for each in found.transversals])),
         isolated_point_names=[
-            name
-            for name, kind in zip(found.locus_names, found.locus_kinds, strict=True)
-            if kind is Kind.ISOLATED_POINT
+            name for name, kind in zip(found.locus_names, found.locus_kinds, strict=True) if kind is Kind.ISOLATED_POINT
         ],
         isolated_points=flat(found.isolated_points),
         isolated_point_residuals=flat(found.isolated_point_residuals),

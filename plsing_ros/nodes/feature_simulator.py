@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from plsing_msgs.msg import LineFeatureArray, SimulatorState, SingularityStatus
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from plsing_msgs.msg import LineFeatureArray, SimulatorState, SingularityStatus
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (

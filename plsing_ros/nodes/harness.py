@@ -43,7 +43,7 @@ TIMEOUT = 10.0
 _SHOWN = 600
 
 
-class HarnessTimeout(PlsingError, AssertionError):
+class HarnessTimeoutError(PlsingError, AssertionError):
     """What was waited for did not happen; the message says what was received instead."""
 
 
@@ -92,7 +92,9 @@ class Harness:
     def __enter__(self) -> Harness:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     def close(self) -> None:
@@ -170,13 +172,13 @@ class Harness:
             timeout: Wall clock time to wait [s].
 
         Raises:
-            HarnessTimeout: With everything that was received meanwhile.
+            HarnessTimeoutError: With everything that was received meanwhile.
         """
         end = time.monotonic() + timeout
         while not condition():
             if time.monotonic() > end:
                 received = "\n  ".join(map(repr, self._collected)) or "nothing was collected"
-                raise HarnessTimeout(f"waited {timeout:g} s in vain for {what}. Received:\n  {received}")
+                raise HarnessTimeoutError(f"waited {timeout:g} s in vain for {what}. Received:\n  {received}")
             self._executor.spin_once(timeout_sec=0.02)
 
     def spin_for(self, duration: float) -> None:

@@ -99,5 +99,3 @@ def _stop_signals() -> list[int]:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda which, _: received.append(which))
     return received
-
-

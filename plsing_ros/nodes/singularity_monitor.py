@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
-
 from plsing_msgs.msg import LineFeatureArray, SingularityAlert, SingularityStatus, SingularLoci
+
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
@@ -22,7 +22,8 @@ from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.servoing.levels import Level
-from plsing_ros.servoing.singularity_monitor import Assessment, SingularityMonitor as Monitor
+from plsing_ros.servoing.singularity_monitor import Assessment
+from plsing_ros.servoing.singularity_monitor import SingularityMonitor as Monitor
 
 
 class SingularityMonitor(ParameterizedNode[MonitorParameters]):

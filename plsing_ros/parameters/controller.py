@@ -75,8 +75,8 @@ class ControllerParameters(SceneParameters):
         super().check()
         if self.target_source == "pose" and len(self.lines_points) < 9:
             raise ParameterError(
-                f"parameter 'lines.points' gives {len(self.lines_points) // 3} line(s); at least 3 are needed to control "
-                "a camera pose"
+                f"parameter 'lines.points' gives {len(self.lines_points) // 3} line(s); at least 3 are needed to "
+                "control a camera pose"
             )
         self.target_pose()
 

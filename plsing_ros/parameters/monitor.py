@@ -17,7 +17,10 @@ class MonitorParameters(SceneParameters):
     """When to warn, and which input to trust."""
 
     warn_condition: float = parameter(
-        1e-3, "warn.inverse_condition_number", "WARN below this raw inverse condition number; 0 switches it off", **_RATIO
+        1e-3,
+        "warn.inverse_condition_number",
+        "WARN below this raw inverse condition number; 0 switches it off",
+        **_RATIO,
     )
     critical_condition: float = parameter(
         1e-4,

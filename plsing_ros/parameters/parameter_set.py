@@ -63,8 +63,8 @@ _Self = TypeVar("_Self", bound="ParameterSet")
 class ParameterSet:
     """Base of the nodes' parameters: a frozen dataclass whose fields are made with `parameter`.
 
-    Field types are bool, int, float, str, and tuples of int or of float. Every value is checked when the set is made: type,
-    finite, range; then `check` compares values with each other. So a set that exists is valid.
+    Field types are bool, int, float, str, and tuples of int or of float. Every value is checked when the set is made:
+    type, finite, range; then `check` compares values with each other. So a set that exists is valid.
 
     Raises:
         ParameterError: On construction, naming the parameter, its value, and what is allowed.
@@ -126,7 +126,9 @@ def _converted(spec: Specification, expected: Any, value: Any) -> Any:
         except TypeError:
             items = [None]
         if isinstance(value, str) or any(item is None for item in items):
-            raise ParameterError(f"parameter '{spec.name}' is {value!r}; it must be an array of {arguments[0].__name__}")
+            raise ParameterError(
+                f"parameter '{spec.name}' is {value!r}; it must be an array of {arguments[0].__name__}"
+            )
         return tuple(_converted_scalar(spec, arguments[0], item, f"[{i}]") for i, item in enumerate(items))
     return _converted_scalar(spec, expected, value, "")
 

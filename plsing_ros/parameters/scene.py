@@ -69,9 +69,7 @@ class SceneParameters(ParameterSet):
         )
 
 
-def pose_from_parameters(
-    what: str, position: tuple[float, ...], orientation: tuple[float, ...]
-) -> Pose:
+def pose_from_parameters(what: str, position: tuple[float, ...], orientation: tuple[float, ...]) -> Pose:
     """Return a pose given as position and quaternion parameters.
 
     Args:
@@ -84,8 +82,8 @@ def pose_from_parameters(
     """
     if len(position) != 3 or len(orientation) != 4:
         raise ParameterError(
-            f"parameters '{what}.position' and '{what}.orientation' have {len(position)} and {len(orientation)} numbers; "
-            "they must have 3 (x, y, z) and 4 (quaternion x, y, z, w)"
+            f"parameters '{what}.position' and '{what}.orientation' have {len(position)} and {len(orientation)} "
+            "numbers; they must have 3 (x, y, z) and 4 (quaternion x, y, z, w)"
         )
     try:
         return Pose.from_quaternion(position, orientation)

@@ -52,7 +52,9 @@ class Indicator:
         return Level.OK, ""
 
 
-def worst(indicators: Sequence[Indicator], hysteresis: float, previous: Sequence[Level]) -> tuple[Level, str, list[Level]]:
+def worst(
+    indicators: Sequence[Indicator], hysteresis: float, previous: Sequence[Level]
+) -> tuple[Level, str, list[Level]]:
     """Return the worst level, every reason for it, and the level of each indicator.
 
     Args:

@@ -57,7 +57,7 @@ class Simulation:
         self._twist: Array | None = None
         self._twist_stamp = 0
         self._status_stamp = 0
-        self._applied = np.zeros(6)
+        self._applied: Array = np.zeros(6)
         self._reason = "no twist received yet"
         self._idle = True
         self._observation = self._camera.observe()

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-import numpy as np
-
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import Conditioning, LineObservation, conditioning, interaction_matrix
@@ -137,11 +135,11 @@ class SingularityMonitor:
             if nearest is not None:
                 reason += f", {nearest.distance:.3f} m from {nearest.name}"
             elif camera_center is None:
-                reason += f", distances not known: no camera_pose within {parameters.pose_tolerance:g} s of the features"
+                reason += (
+                    f", distances not known: no camera_pose within {parameters.pose_tolerance:g} s of the features"
+                )
         return self._remember(
-            Assessment(
-                level, reason, stamp, len(lines), numbers, self._rate(inverse, stamp), distances, nearest
-            )
+            Assessment(level, reason, stamp, len(lines), numbers, self._rate(inverse, stamp), distances, nearest)
         )
 
     def silence(self, now: int) -> Assessment | None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from builders import plain_twist, start_pose
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
-
 from plsing_msgs.msg import LineFeatureArray
+
 from plsing_ros.errors import PlsingError
 from plsing_ros.experiments import near_transversal as experiment
 from plsing_ros.nodes.closed_loop import run_closed_loop
@@ -110,7 +110,6 @@ def test_noise_makes_the_run_another_one_but_the_same_seed_the_same(paper):
 def test_a_loop_that_stops_says_what_it_received(paper):
     with pytest.raises(PlsingError, match=r"in vain for frame 2 of Start 1") as caught:
         run(1, paper, controller={"camera_frame": "another_camera"})
-    assert "no usable features received yet; the latest were refused" in str(caught.value)
     assert "expected 'another_camera'" in str(caught.value)
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from builders import TARGET, features, plain_twist, start_pose, time_of, twist_values
 from geometry_msgs.msg import TwistStamped
+from plsing_msgs.msg import ControllerState, LineFeatureArray
 from std_srvs.srv import SetBool
 
-from plsing_msgs.msg import ControllerState, LineFeatureArray
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import Controller
 
@@ -68,7 +68,9 @@ def test_is_converged_at_the_target(loop):
 
 def test_matches_lines_by_id_in_any_order_and_number(loop):
     reordered = features(start_pose(1), loop.now(), ids=(3, 1, 4, 2))
-    np.testing.assert_allclose(twist_values(loop.answer(reordered)[0]), plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        twist_values(loop.answer(reordered)[0]), plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9
+    )
     three, state = loop.answer(features(start_pose(1), loop.now(), ids=(1, 2, 4)))
     assert state.mode == ControllerState.SERVOING and np.any(twist_values(three) != 0.0)
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from builders import twist_values
 from geometry_msgs.msg import TwistStamped
-
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus
+
 from plsing_ros.experiments.config_files import config_file
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.harness import Harness

@@ -5,7 +5,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from plsing_ros.nodes.harness import Harness, HarnessTimeout
+from plsing_ros.nodes.harness import Harness, HarnessTimeoutError
 
 
 def test_two_harnesses_do_not_hear_each_other(ros):
@@ -24,7 +24,7 @@ def test_a_timeout_says_what_was_received(ros):
     collected = ros.collect(String, "talk")
     ros.collect(String, "silent")
     ros.publisher(String, "talk").publish(String(data="something else"))
-    with pytest.raises(HarnessTimeout) as caught:
+    with pytest.raises(HarnessTimeoutError) as caught:
         ros.spin_until(lambda: len(collected) == 2, "two messages", timeout=0.5)
     text = str(caught.value)
     assert "waited 0.5 s in vain for two messages" in text
@@ -55,7 +55,7 @@ def test_services_are_called_and_removed_nodes_are_gone(ros):
     server = ros.add(Server)
     assert ros.call(Trigger, "server/act", Trigger.Request()).message == "done"
     ros.remove(server)
-    with pytest.raises(HarnessTimeout, match="service server/act"):
+    with pytest.raises(HarnessTimeoutError, match="service server/act"):
         ros.call(Trigger, "server/act", Trigger.Request(), timeout=0.5)
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from plsing_msgs.msg import SingularLoci
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
 
-from plsing_msgs.msg import SingularLoci
 from plsing_ros.errors import ParameterError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import Controller

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from builders import SCENE, features, start_pose
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from std_msgs.msg import Header
-
 from plsing_msgs.msg import (
     LineFeatureArray,
     LocusDistance,
@@ -13,6 +11,8 @@ from plsing_msgs.msg import (
     SingularityStatus,
     SingularLoci,
 )
+from std_msgs.msg import Header
+
 from plsing_ros.experiments.near_transversal import ORIENTATION, POINT_ON_TRANSVERSAL
 from plsing_ros.features import rank_basis
 from plsing_ros.geometry import Pose
@@ -99,7 +99,11 @@ def test_distances_are_those_to_where_the_rank_drops(loop):
     assert list(status.locus_names)[: len(names)] == names
     center = start_pose(1).translation
     for k, (point, direction) in enumerate(
-        zip(np.reshape(loci[0].transversal_points, (-1, 3)), np.reshape(loci[0].transversal_directions, (-1, 3)))
+        zip(
+            np.reshape(loci[0].transversal_points, (-1, 3)),
+            np.reshape(loci[0].transversal_directions, (-1, 3)),
+            strict=False,
+        )
     ):
         expected = np.linalg.norm(np.cross(center - point, direction))
         assert status.locus_distances[k] == pytest.approx(expected, rel=1e-9)
