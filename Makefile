@@ -43,7 +43,7 @@ setup: python
 	@$(PYTHON) tools/environment.py setup
 
 clean:
-	rm -rf .venv .venv-* build install log
+	rm -rf .venv .venv-* build install log demo_output
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 

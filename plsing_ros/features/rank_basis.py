@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array
+from plsing_ros.arrays import Array, checked_array, cross
 from plsing_ros.geometry import LineSet
 
 
@@ -30,12 +30,12 @@ def rank_basis(lines: LineSet, camera_center: npt.ArrayLike, normalized: bool = 
     center = checked_array("camera_center", camera_center, (3,))
     direction = lines.direction
     # The moment about C is CM x u = -f.
-    f = np.cross(center, direction) - lines.moment
-    m = np.cross(direction, f)
+    f = cross(center, direction) - lines.moment
+    m = cross(direction, f)
     rows = np.zeros((len(lines), 2, 6))
     rows[:, 0, :3] = f
     # With M_i closest to C: CM_i = f x u = -m.
-    rows[:, 0, 3:] = np.cross(f, m)
+    rows[:, 0, 3:] = cross(f, m)
     rows[:, 1, 3:] = m
     xi: Array = rows.reshape(-1, 6)
     if normalized:

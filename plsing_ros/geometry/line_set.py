@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array
+from plsing_ros.arrays import Array, checked_array, cross
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry.pose import Pose
 
@@ -98,7 +98,7 @@ class LineSet:
             )
         unit = direction / largest
         unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-        return cls(unit, np.asarray(np.cross(point, unit), dtype=np.float64), frame, checked_ids)
+        return cls(unit, cross(point, unit), frame, checked_ids)
 
     def __len__(self) -> int:
         return len(self.direction)
@@ -106,7 +106,7 @@ class LineSet:
     @cached_property
     def point(self) -> Array:
         """The point of each line closest to the frame's origin, shape (n, 3) [m]."""
-        return np.asarray(np.cross(self.direction, self.moment), dtype=np.float64)
+        return cross(self.direction, self.moment)
 
     def transformed(self, T_target_source: Pose, frame: str) -> LineSet:
         """Return the same lines in another frame.
@@ -119,12 +119,14 @@ class LineSet:
         """
         rotation, translation = T_target_source.rotation, T_target_source.translation
         direction = self.direction @ rotation.T
-        moment = self.moment @ rotation.T + np.cross(translation, direction)
+        moment = self.moment @ rotation.T + cross(translation, direction)
         return LineSet(direction, moment, frame, self.ids)
 
     def select(self, rows: Sequence[int] | npt.NDArray[np.intp]) -> LineSet:
         """Return the lines of the given rows, in that order, with their ids."""
         chosen = [int(row) for row in rows]
+        if chosen == list(range(len(self))):
+            return self
         return LineSet(self.direction[chosen], self.moment[chosen], self.frame, tuple(self.ids[row] for row in chosen))
 
     def reversed(self) -> LineSet:

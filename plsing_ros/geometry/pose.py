@@ -83,7 +83,8 @@ class Pose:
     @property
     def quaternion_xyzw(self) -> Array:
         """The rotation as a unit quaternion (x, y, z, w), shape (4,)."""
-        return np.asarray(Rotation.from_matrix(self.rotation).as_quat())
+        # A copy, because older SciPy refuses read-only matrices.
+        return np.asarray(Rotation.from_matrix(self.rotation.copy()).as_quat())
 
     def inverse(self) -> Pose:
         """Return T_b_a of this T_a_b."""

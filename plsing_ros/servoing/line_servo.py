@@ -114,9 +114,8 @@ class LineServo:
                 f"{list(self._target)}); at least {MINIMUM_LINES} are needed"
             )
         lines = observation.lines_camera.select(rows)
-        error = np.concatenate(
-            [observation.usable_image_lines[row] - self._target[lines.ids[k]] for k, row in enumerate(rows)]
-        )
+        desired = np.array([self._target[i] for i in lines.ids])
+        error = (observation.usable_image_lines[rows] - desired).ravel()
         interaction = interaction_matrix(lines)
         twist = pinv_twist(interaction, error, self.parameters.gain, self.parameters.pinv_threshold)
         if not np.isfinite(twist).all():
