@@ -56,7 +56,7 @@ def _run(options: argparse.Namespace) -> None:
     params_file = config_file("paper_p4l.yaml")
     found = singular_set(read_scene(params_file))
     print(f"The paper's four lines: {found.description}")
-    print(f"Four starts within 0.7 m of a target near {found.transversals[0].name}, lambda = {experiment.GAIN} 1/s\n")
+    print(f"Starts within 1.1 m of a target near {found.transversals[0].name}, lambda = {experiment.GAIN} 1/s\n")
     _make_folder(options.output)
     records = [_run_start(experiment.STARTS[number - 1], params_file, options.executor) for number in options.starts]
     print(f"\n{summary_table(records)}\n")
@@ -91,7 +91,7 @@ def _run_start(start: experiment.Start, params_file: Path, executor: str) -> Run
             bar.update(progress - bar.n)
 
     def on_alert(alert: Alert) -> None:
-        bar.write(f"  {max(alert.time, 0.0):6.2f} s  {alert.text}", file=sys.stdout)
+        bar.write(f"  {alert.time:6.2f} s  {alert.text}", file=sys.stdout)
 
     with bar:
         return run_closed_loop(

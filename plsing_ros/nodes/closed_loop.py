@@ -78,7 +78,9 @@ def run_closed_loop(
             pose = camera_pose_from_message(_of_stamp(poses, stamp), simulator.parameters.scene_frame)
             distance = float(np.linalg.norm(pose.translation - destination))
             on_frame(number, distance)
-            for message in alerts[len(reported) :]:
+            # Before the first frame the monitor truly says that it has no features; that is not part of the run.
+            of_run = [each for each in alerts if _stamp(each) >= FIRST_STAMP]
+            for message in of_run[len(reported) :]:
                 seconds = (_stamp(message) - FIRST_STAMP) / _SECOND
                 reported.append(Alert(seconds, Level(message.level), message.text))
                 on_alert(reported[-1])

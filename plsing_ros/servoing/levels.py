@@ -45,9 +45,9 @@ class Indicator:
             held = previous in (Level.WARN, Level.CRITICAL) and previous >= level
             limit = threshold * hysteresis if held else threshold
             if self.value < limit:
-                where = f"below {threshold:.3g}{self.unit}"
+                where = f"below {threshold:.4g}{self.unit}"
                 if self.value >= threshold:
-                    where = f"not yet {hysteresis:g} times better than {threshold:.3g}{self.unit}"
+                    where = f"not yet {hysteresis:g} times better than {threshold:.4g}{self.unit}"
                 return level, f"{self.text} is {where}"
         return Level.OK, ""
 

@@ -109,7 +109,7 @@ class SingularityMonitor:
                 inverse,
                 parameters.warn_condition,
                 parameters.critical_condition,
-                f"inverse condition number {inverse:.2g}",
+                f"inverse condition number {inverse:.4g}",
             )
         ]
         distances, nearest = None, None
@@ -131,13 +131,11 @@ class SingularityMonitor:
         if self.found.singular_everywhere:
             level, reason = Level.UNOBSERVABLE, f"the scene is singular for every camera: {self.found.description}"
         if level == Level.OK:
-            reason = f"inverse condition number {inverse:.2g}"
-            if nearest is not None:
-                reason += f", {nearest.distance:.3f} m from {nearest.name}"
-            elif camera_center is None:
-                reason += (
-                    f", distances not known: no camera_pose within {parameters.pose_tolerance:g} s of the features"
-                )
+            reason = f"inverse condition number {inverse:.4g}"
+        if camera_center is None:
+            reason += f"; distances not known: no camera_pose within {parameters.pose_tolerance:g} s of the features"
+        elif nearest is not None and nearest.name not in reason:
+            reason += f"; {nearest.distance:.3f} m from {nearest.name}"
         return self._remember(
             Assessment(level, reason, stamp, len(lines), numbers, self._rate(inverse, stamp), distances, nearest)
         )
