@@ -32,6 +32,20 @@ def twists() -> st.SearchStrategy[np.ndarray]:
 
 
 @st.composite
+def seen_lines(draw: st.DrawFn, min_size: int = 1, max_size: int = 8) -> LineSet:
+    """Lines in the camera's frame that all have an image, 0.18 m or more from degenerate: made so, not filtered."""
+    n = draw(st.integers(min_size, max_size))
+    direction, moment = [], []
+    for _ in range(n):
+        around, up, turn = draw(numbers(-3.1, 3.1)), draw(numbers(-1.2, 1.2)), draw(numbers(-3.1, 3.1))
+        normal = np.array([np.cos(around) * np.cos(up), np.sin(around) * np.cos(up), np.sin(up)])
+        across = np.array([-np.sin(around), np.cos(around), 0.0])
+        direction.append(np.cos(turn) * across + np.sin(turn) * np.cross(normal, across))
+        moment.append(draw(numbers(0.5, 10.0)) * normal)
+    return LineSet(np.array(direction), np.array(moment), "camera")
+
+
+@st.composite
 def line_sets(draw: st.DrawFn, min_size: int = 1, max_size: int = 8) -> LineSet:
     n = draw(st.integers(min_size, max_size))
     points = [draw(vectors()) for _ in range(n)]

@@ -73,7 +73,7 @@ def test_the_nodes_as_processes_talk_to_a_subscriber_in_another_process(ros, sta
         lambda: features
         and any(np.any(twist_values(each) != 0.0) for each in twists)
         and any(each.distances_valid for each in statuses)
-        and any(each.level == SingularityStatus.OK for each in alerts),
+        and alerts,
         "features, a twist, a status with distances and an alert",
         30.0,
     )
