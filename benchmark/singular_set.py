@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from plsing_ros.singularities.transversals import analyze_transversals
 SCENES = [([[0, 0, 0], [0, 0, 2], [3, 5, 0], [0, 1, 7]], [[1, 0, 0], [4, -5, 0], [3, 7, 3], [-2, 1, 13]])]
 SCENES += [tuple(np.random.default_rng(seed).integers(-9, 10, size=(2, 4, 3)).tolist()) for seed in (1, 2, 3)]
 BATCH = 5000
-_TIME_LIMIT = 60.0
+_TIME_LIMIT = 20.0
 
 
 def main() -> None:
@@ -127,23 +128,30 @@ def _peers(ours: list[float]) -> None:
 
 def _polynomials(scene: tuple[list[list[int]], list[list[int]]]) -> tuple[list[str], list[str]]:
     """Return the cubics H and quintics K of the paper, and the quadrics G, as text."""
-    import sympy
+    from sympy import QQ, ring
 
-    center = sympy.Matrix(sympy.symbols("X Y Z"))
-    f, m, rows = [], [], []
+    _, *center = ring("X, Y, Z", QQ)
+
+    def cross(a: list[Any], b: list[Any]) -> list[Any]:
+        return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+    def determinant(a: list[Any], b: list[Any], c: list[Any]) -> Any:
+        return sum(x * y for x, y in zip(a, cross(b, c), strict=True))
+
+    f, m, moment = [], [], []
     for point, direction in zip(*scene, strict=True):
-        u, offset = sympy.Matrix(direction), sympy.Matrix(point) - center
-        f.append(u.cross(offset))
-        m.append(u.cross(f[-1]))
-        rows.append([*f[-1], *sympy.Matrix(point).cross(f[-1])])
+        f.append(cross(direction, [p - c for p, c in zip(point, center, strict=True)]))
+        m.append(cross(direction, f[-1]))
+        moment.append(cross(point, f[-1]))
     triples = list(combinations(range(4), 3))
-    h = [sympy.Matrix.hstack(*(m[i] for i in t)).det() for t in triples]
-    g = [sympy.Matrix.hstack(*(f[i] for i in t)).det() for t in triples]
-    k = []
-    for pair in combinations(range(4), 2):
-        matrix = sympy.Matrix([*rows, *([0, 0, 0, *m[i]] for i in pair)])
-        k.append(matrix.det(method="berkowitz"))
-    text = [[str(sympy.expand(p)).replace("**", "^") for p in group] for group in (h + k, g)]
+    h = [determinant(*(m[i] for i in triple)) for triple in triples]
+    g = [determinant(*(f[i] for i in triple)) for triple in triples]
+    # The 6 x 6 minors with all four f_i, expanded along them: triples[3 - i] leaves out line i.
+    k = [
+        sum((-1) ** i * g[3 - i] * determinant(moment[i], m[a], m[b]) for i in range(4))
+        for a, b in combinations(range(4), 2)
+    ]
+    text = [[str(p).replace("**", "^") for p in group] for group in (h + k, g)]
     return text[0], text[1]
 
 
@@ -163,7 +171,7 @@ def _msolve(polynomials: list[str], variables: int) -> str | None:
         binary = str(candidate) if candidate.exists() else None
     if binary is None:
         return None
-    names = "T,X,Y,Z" if variables == 4 else "X,Y,Z"
+    names = "X,Y,Z,T" if variables == 4 else "X,Y,Z"
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "system.ms"
         source.write_text(f"{names}\n0\n" + ",\n".join(polynomials) + "\n")
@@ -185,9 +193,9 @@ def _singular(system: tuple[list[str], list[str]]) -> str | None:
 def _sympy(polynomials: list[str]) -> str | None:
     code = (
         "import sympy, sys\n"
-        "T, X, Y, Z = sympy.symbols('T X Y Z')\n"
+        "X, Y, Z, T = sympy.symbols('X Y Z T')\n"
         "system = [sympy.sympify(p.replace('^', '**')) for p in sys.stdin.read().split(',')]\n"
-        "sympy.groebner(system, T, X, Y, Z, order='grevlex')\n"
+        "sympy.groebner(system, X, Y, Z, T, order='grevlex')\n"
     )
     return _run([sys.executable, "-c", code], ",".join(polynomials))
 

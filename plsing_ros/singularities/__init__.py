@@ -6,6 +6,7 @@ from plsing_ros.singularities.certificate import Certificate
 from plsing_ros.singularities.four_lines import IsolatedStatus
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
 from plsing_ros.singularities.lost_motion import LostMotion, MotionKind, lost_motions
+from plsing_ros.singularities.meshing import surface_triangles
 from plsing_ros.singularities.singular_set import SingularSet, singular_set
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import NearestTransversal, Transversal, TransversalFamily
@@ -18,14 +19,15 @@ __all__ = [
     "IsolatedStatus",
     "Kind",
     "LocusDistance",
-    "SingularSet",
     "LostMotion",
     "MotionKind",
     "NearestTransversal",
+    "SingularSet",
     "Surface",
-    "lost_motions",
     "Transversal",
     "TransversalFamily",
+    "lost_motions",
     "singular_set",
     "solve_four_line_scenes",
+    "surface_triangles",
 ]

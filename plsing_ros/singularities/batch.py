@@ -79,7 +79,7 @@ def solve_four_line_scenes(points: npt.ArrayLike, directions: npt.ArrayLike, chu
 
 
 def _discriminants(direction: Array, foot: Array) -> Array:
-    """Return b^2 - a c of the quadratic form d . m on the two weakest right singular vectors of the Plücker matrices."""
+    """Return b^2 - a c of the form d . m on the two weakest right singular vectors of the Plücker matrices, (S,)."""
     rows = np.concatenate([cross(foot, direction), direction], axis=2)
     null = np.linalg.svd(rows)[2][:, 4:]
     form = null[:, :, :3] @ null[:, :, 3:].swapaxes(1, 2)

@@ -85,6 +85,9 @@ def classify(direction: Array, family: TransversalFamily) -> Case:
 def _orthogonal_or_parallel(direction: Array) -> bool:
     """Return whether all pairs are parallel or orthogonal and three of the lines mutually orthogonal."""
     cosine = np.abs(direction @ direction.T)
+    # Neither nearly parallel nor nearly orthogonal to the first line: no need to look closer.
+    if bool(np.any((cosine[0] > 1e-3) & (cosine[0] < 0.999))):
+        return False
     # 1 - cosine is half the squared angle: compare sines, which see small angles.
     sine = np.sqrt(np.maximum(0.0, 1.0 - cosine**2))
     special = (cosine <= _ANGLE_TOLERANCE) | (sine <= np.sqrt(_ANGLE_TOLERANCE))

@@ -29,8 +29,8 @@ class Certificate:
     Attributes:
         name: What it is about: "transversal 1", "isolated point 1", or a pair of rows of isolated_points_complex.
         proved: Whether a true one lies within radius.
-        radius: [m] for points, of the unit Plücker vector in scene coordinates for transversals; infinite if not proved.
-            For a real point it also proves that the true one is real.
+        radius: [m] for points, of the unit Plücker vector in scene coordinates for transversals; infinite if not
+            proved. For a real point it also proves that the true one is real.
     """
 
     name: str
@@ -210,13 +210,13 @@ def _complex(x: list[Any]) -> list[Any]:
 def _real_part(value: Any) -> Any:
     from mpmath import iv
 
-    return iv.mpf(value.real) if isinstance(value, (int, float, complex)) else value.real
+    return iv.mpf(value.real) if isinstance(value, int | float | complex) else value.real
 
 
 def _imaginary_part(value: Any) -> Any:
     from mpmath import iv
 
-    return iv.mpf(value.imag) if isinstance(value, (int, float, complex)) else value.imag
+    return iv.mpf(value.imag) if isinstance(value, int | float | complex) else value.imag
 
 
 def _middle(interval: Any) -> Any:

@@ -47,7 +47,9 @@ class ExactCount:
     polynomial: tuple[Any, ...]
 
 
-def exact_transversals(points: Sequence[Sequence[Rational]], directions: Sequence[Sequence[Rational]]) -> ExactTransversals:
+def exact_transversals(
+    points: Sequence[Sequence[Rational]], directions: Sequence[Sequence[Rational]]
+) -> ExactTransversals:
     """Return the transversals of n lines with rational (or algebraic) coordinates.
 
     Args:
@@ -78,7 +80,9 @@ def exact_transversals(points: Sequence[Sequence[Rational]], directions: Sequenc
     return ExactTransversals(2, discriminant, lines)
 
 
-def exact_point_count(points: Sequence[Sequence[Rational]], directions: Sequence[Sequence[Rational]]) -> ExactCount | None:
+def exact_point_count(
+    points: Sequence[Sequence[Rational]], directions: Sequence[Sequence[Rational]]
+) -> ExactCount | None:
     """Return how many isolated singular points four lines with rational coordinates have, by Sturm's theorem.
 
     The five quartics of isolated_points, their quotient ring and a multiplication matrix on it in rational arithmetic.
@@ -126,10 +130,10 @@ def _force_minors(
     """Return the five 4 x 4 minors of the matrix of isolated_points.force_matrix at w."""
     import sympy
 
-    points = [sympy.Matrix([sympy.sympify(v) for v in point]) for point in points]
-    directions = [sympy.Matrix([sympy.sympify(v) for v in direction]) for direction in directions]
+    feet = [sympy.Matrix([sympy.sympify(v) for v in point]) for point in points]
+    along = [sympy.Matrix([sympy.sympify(v) for v in direction]) for direction in directions]
     constraints = sympy.zeros(8, 12)
-    for i, (point, u) in enumerate(zip(points, directions, strict=True)):
+    for i, (point, u) in enumerate(zip(feet, along, strict=True)):
         columns = slice(3 * i, 3 * i + 3)
         constraints[i, columns] = u.T
         constraints[4:7, columns] = sympy.eye(3)
@@ -139,14 +143,10 @@ def _force_minors(
     rows = []
     for force in constraints.nullspace():
         f = [force[3 * i : 3 * i + 3, :] for i in range(4)]
-        planes = [axis.dot(f[i].cross(directions[i])) for i in range(4)]
-        moment = sum(
-            axis.dot(u) * f[i].dot(u.cross(points[i])) / u.dot(u) for i, u in enumerate(directions)
-        )
+        planes = [axis.dot(f[i].cross(along[i])) for i in range(4)]
+        moment = sum(axis.dot(u) * f[i].dot(u.cross(feet[i])) / u.dot(u) for i, u in enumerate(along))
         rows.append([*planes, moment])
     matrix = sympy.Matrix(rows)
     if matrix.rows != 4:
         return [sympy.Integer(0)] * 5
-    return [
-        sympy.expand(matrix[:, list(columns)].det(method="berkowitz")) for columns in combinations(range(5), 4)
-    ]
+    return [sympy.expand(matrix[:, list(columns)].det(method="berkowitz")) for columns in combinations(range(5), 4)]

@@ -57,7 +57,7 @@ def no_points(status: IsolatedStatus, note: str = "") -> IsolatedPoints:
 
 
 def isolated_points_of_four(
-    frame: SceneFrame, analysis: TransversalAnalysis, surfaces: tuple[Surface, ...], ten: TenPoints | None = None
+    frame: SceneFrame, analysis: TransversalAnalysis, surfaces: tuple[Surface, ...]
 ) -> IsolatedPoints:
     """Return the isolated points of four distinct lines that are not singular everywhere.
 
@@ -65,10 +65,8 @@ def isolated_points_of_four(
         frame: The scene.
         analysis: Its transversals.
         surfaces: The surfaces filled with transversals.
-        ten: The direct solver's answer for this scene alone, if it is known already.
     """
-    if ten is None:
-        ten = solve_ten_points(frame.direction[np.newaxis], frame.point[np.newaxis])
+    ten = solve_ten_points(frame.direction[np.newaxis], frame.point[np.newaxis])
     if is_generic(ten)[0]:
         return IsolatedPoints(IsolatedStatus.FINITE, "", ten.center[0], ten.real[0], ten.residual[0])
     limits = limits_of_ten_points(frame, analysis, surfaces)
@@ -100,4 +98,8 @@ def _note(limits: Limits) -> str:
         (limits.unresolved, "not resolved"),
     ]
     parts = [f"{count} {where}" for count, where in counted if count]
-    return f"Of the ten points of a general scene, {len(limits.center)} are left: " + ", ".join(parts) + "." if parts else ""
+    return (
+        f"Of the ten points of a general scene, {len(limits.center)} are left: " + ", ".join(parts) + "."
+        if parts
+        else ""
+    )

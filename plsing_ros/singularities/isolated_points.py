@@ -27,7 +27,12 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array, BoolArray
-from plsing_ros.singularities.kernel_pencil import bilinear_tensor, newton, start_from_axis_directions
+from plsing_ros.singularities.kernel_pencil import (
+    bilinear_tensor,
+    centers_from_axis_directions,
+    motions_from_centers,
+    newton,
+)
 from plsing_ros.singularities.residual import cross, scene_residuals
 from plsing_ros.singularities.ternary_forms import basis_values, half_sphere_points, multiplication_maps
 
@@ -35,6 +40,10 @@ ComplexArray = npt.NDArray[np.complex128]
 
 # A point counts as found if its independent residual is at most this.
 RESIDUAL_TOLERANCE = 1e-9
+
+# A point with a larger residual than this gets Newton's method, which makes it a few digits better and takes as long
+# again as the rest; most points are below at once.
+_POLISHED = 1e-13
 
 # Two of the ten nearer than this to each other in projective space are one: the solver found a point twice.
 _SEPARATION = 1e-7
@@ -111,15 +120,12 @@ def solve_ten_points(direction: Array, point: Array) -> TenPoints:
         point: The point of each line closest to the scene's centre, scene coordinates, shape (S, 4, 3).
     """
     functionals, margin = _unknown_functionals(direction, point)
-    tensor = bilinear_tensor(direction, point)
-    found = _from_functionals(functionals, margin, tensor, direction, point, _TRY_FORMS[0])
+    found = _from_functionals(functionals, margin, direction, point, _TRY_FORMS[0])
     for forms in _TRY_FORMS[1:]:
         failed = np.flatnonzero(~found.complete)
         if len(failed) == 0:
             break
-        again = _from_functionals(
-            functionals[failed], margin[failed], tensor[failed], direction[failed], point[failed], forms
-        )
+        again = _from_functionals(functionals[failed], margin[failed], direction[failed], point[failed], forms)
         better = again.complete | (again.residual.max(axis=1) < found.residual[failed].max(axis=1))
         for name in ("center", "real", "residual", "complete"):
             getattr(found, name)[failed[better]] = getattr(again, name)[better]
@@ -156,10 +162,8 @@ def force_matrix(direction: Array, point: Array) -> Array:
     return equations
 
 
-def _from_functionals(
-    functionals: Array, margin: Array, tensor: Array, direction: Array, point: Array, forms: Array
-) -> TenPoints:
-    """Solve the eigenproblems for one pair of linear forms and turn axis directions into polished camera centres."""
+def _from_functionals(functionals: Array, margin: Array, direction: Array, point: Array, forms: Array) -> TenPoints:
+    """Solve the eigenproblems for one pair of linear forms and turn axis directions into camera centres."""
     numerator, denominator = forms[0] @ functionals, forms[1] @ functionals
     try:
         multiplication = np.linalg.solve(denominator, numerator)
@@ -176,24 +180,53 @@ def _from_functionals(
     products = (quartics @ _MULTIPLY_ALL).reshape(-1, 3, 10)
     size = (products.real**2 + products.imag**2).sum(axis=1)
     w = products[np.arange(len(slot)), :, np.argmax(size, axis=1)].astype(complex)
-    homogeneous, motion = start_from_axis_directions(tensor[scene], w)
-    homogeneous, _, _ = newton(tensor, scene, homogeneous, motion)
-    return _judged(homogeneous, scene, kept.ravel(), margin, direction, point)
+    h = centers_from_axis_directions(direction[scene], point[scene], w)
+    center, residual = _centers(h, scene, direction, point)
+    rough = np.flatnonzero(residual > _POLISHED)
+    if len(rough):
+        _polish(rough, h, w, center, residual, scene, direction, point)
+    return _with_conjugates(h, center, residual, kept, margin)
 
 
-def _judged(
-    h: npt.NDArray[Any], scene: npt.NDArray[np.intp], kept: BoolArray, margin: Array, direction: Array, point: Array
-) -> TenPoints:
-    """Fill in the conjugates and judge every point by its independent residual."""
-    scenes = len(margin)
+def _centers(
+    h: npt.NDArray[Any], scene: npt.NDArray[np.intp], direction: Array, point: Array
+) -> tuple[npt.NDArray[Any], Array]:
+    """Return camera centres of homogeneous ones, NaN at infinity, and their independent residuals."""
     finite = np.abs(h[:, 0]) > _AT_INFINITY
     center = h[:, 1:] / np.where(finite, h[:, 0], 1.0)[:, np.newaxis]
     residual = scene_residuals(point, direction, scene, center)
     if not finite.all():
         center[~finite], residual[~finite] = np.nan, 1.0
+    return center, residual
+
+
+def _polish(
+    rough: npt.NDArray[np.intp],
+    h: npt.NDArray[Any],
+    w: npt.NDArray[Any],
+    center: npt.NDArray[Any],
+    residual: Array,
+    scene: npt.NDArray[np.intp],
+    direction: Array,
+    point: Array,
+) -> None:
+    """Replace the rough ones among the centres by what Newton's method makes of them."""
+    own, number = np.unique(scene[rough], return_inverse=True)
+    tensor = bilinear_tensor(direction[own], point[own])
+    motion = motions_from_centers(tensor[number], h[rough], w[rough])
+    h[rough] = newton(tensor, number, h[rough], motion)[0]
+    center[rough], residual[rough] = _centers(h[rough], scene[rough], direction, point)
+
+
+def _with_conjugates(
+    h: npt.NDArray[Any], center: npt.NDArray[Any], residual: Array, kept: BoolArray, margin: Array
+) -> TenPoints:
+    """Fill in the conjugates that were left out, and judge the ten of each scene as a whole."""
+    scenes = len(margin)
     size = np.sqrt((center.real**2 + center.imag**2).sum(axis=1))
     real = np.abs(center.imag).max(axis=1) <= _REAL * (1.0 + size)
     # A slot that was left out follows the one with its conjugate.
+    kept = kept.ravel()
     source = np.cumsum(kept) - 1
     lower = ~kept
     center, h = center[source], h[source]

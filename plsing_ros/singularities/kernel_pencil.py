@@ -16,10 +16,15 @@ from plsing_ros.arrays import Array
 from plsing_ros.singularities.residual import cross
 
 _ANY = np.array([[0.57, -0.42, 0.61, 0.35], [0.31, 0.74, -0.38, 0.46]])
+_RANK_ONE = _ANY[0][:, np.newaxis] * _ANY[1]
 _IDENTITY = np.eye(3)
 # a @ _MINUS_SKEW, as a 3 x 3 matrix, is b -> b x a.
 _MINUS_SKEW = np.array(
-    [[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0], [0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0], [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0],
+        [0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    ]
 )
 _STEPS = 12
 # Newton's error after a step of relative length s is of the order of s squared.
@@ -51,25 +56,36 @@ def bilinear_tensor(direction: Array, point: Array) -> Array:
     return tensor
 
 
-def start_from_axis_directions(
-    tensor: Array, w: npt.NDArray[Any]
-) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Return homogeneous centres (k, 4) and motions (k, 6), unit length, that belong to axis directions w (k, 3).
+def centers_from_axis_directions(direction: Array, point: Array, w: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the homogeneous centres (k, 4), unit length, with P_i w . (M_i - C) = 0 for axis directions w (k, 3).
 
     Args:
-        tensor: Of bilinear_tensor for the scene of each w, shape (k, 4, 8, 6).
-        w: Axis directions.
+        direction: Unit directions of the four lines of the scene of each w, shape (k, 4, 3).
+        point: Their points closest to the origin, shape (k, 4, 3).
+        w: Axis directions for which the four equations have a solution.
     """
-    count = len(w)
-    # m_i . w as linear forms in h: a matrix that is singular at the right w. Adding a generic matrix of rank one makes
-    # it regular and keeps its null vector as the solution.
-    of_h = (tensor[:, :, 4:, 3:] @ w[:, np.newaxis, :, np.newaxis])[..., 0].swapaxes(1, 2)
-    h = _unit(_solve(of_h + _ANY[0][:, np.newaxis] * _ANY[1], np.tile(_ANY[0][:, np.newaxis], (count, 1, 1)))[..., 0])
-    rows = (h[:, np.newaxis, :] @ tensor[:, :, :4].reshape(count, 4, 24)).reshape(count, 4, 6)
+    across = w[:, np.newaxis, :] - (direction @ w[:, :, np.newaxis]) * direction
+    # A matrix that is singular at the right w. Adding a generic matrix of rank one makes it regular and keeps its null
+    # vector as the solution.
+    rows = np.empty((len(w), 4, 4), dtype=w.dtype)
+    rows[:, :, 0] = -(across * point).sum(axis=2)
+    rows[:, :, 1:] = across
+    return _unit(_solve(rows + _RANK_ONE, np.broadcast_to(_ANY[0][:, np.newaxis], (len(w), 4, 1)))[..., 0])
+
+
+def motions_from_centers(tensor: Array, h: npt.NDArray[Any], w: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the motions k = (v, w) (k, 6), unit length, that four lines lose at homogeneous centres with axes w.
+
+    Args:
+        tensor: Of bilinear_tensor for the scene of each centre, shape (k, 4, 8, 6).
+        h: Homogeneous centres, shape (k, 4).
+        w: Axis directions, shape (k, 3).
+    """
+    rows = (h[:, np.newaxis, :] @ tensor[:, :, :4].reshape(len(h), 4, 24)).reshape(len(h), 4, 6)
     f = rows[:, :, :3]
     adjoint = f.conj().swapaxes(1, 2)
     v = _solve(adjoint @ f, adjoint @ (rows[:, :, 3:] @ -w[:, :, np.newaxis]))[..., 0]
-    return h, _unit(np.concatenate([v, w], axis=1))
+    return _unit(np.concatenate([v, w], axis=1))
 
 
 def newton(
@@ -110,16 +126,12 @@ def newton(
     return h, k, step
 
 
-def jacobians(
-    tensor: Array, scene: npt.NDArray[np.intp], h: npt.NDArray[Any], k: npt.NDArray[Any]
-) -> npt.NDArray[Any]:
+def jacobians(tensor: Array, scene: npt.NDArray[np.intp], h: npt.NDArray[Any], k: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the derivatives of (A(h) k, |h|^2 / 2, |k|^2 / 2) by (h, k), shape (count, 2n + 2, 10)."""
     return _equations(tensor[scene], h, k)[0]
 
 
-def _equations(
-    a: Array, h: npt.NDArray[Any], k: npt.NDArray[Any]
-) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+def _equations(a: Array, h: npt.NDArray[Any], k: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     """Return the Jacobians of the equations with the two scales fixed, and the values A(h) k with two zeros below."""
     count, _, rows, _ = a.shape
     of_h = np.matmul(a, k[:, np.newaxis, :, np.newaxis])[..., 0]

@@ -73,9 +73,7 @@ class Limits:
     tangent_dimension: int
 
 
-def limits_of_ten_points(
-    frame: SceneFrame, analysis: TransversalAnalysis, surfaces: tuple[Surface, ...]
-) -> Limits:
+def limits_of_ten_points(frame: SceneFrame, analysis: TransversalAnalysis, surfaces: tuple[Surface, ...]) -> Limits:
     """Return what becomes of the ten points of generic scenes that tend to a scene of four lines.
 
     Args:
@@ -213,7 +211,7 @@ def _group(
 ) -> tuple[list[list[int]], list[int]]:
     """Return groups of equal limits that are isolated, and the limits that no other approach shares."""
     groups: list[list[int]] = []
-    left = list(open_)
+    left = [int(i) for i in open_]
     while left:
         first = next((i for i in left if regular[i]), left[0])
         tolerance = (_SAME if regular[first] else _SAME_MULTIPLE) * (1.0 + float(np.abs(center[first]).max()))
@@ -226,7 +224,7 @@ def _group(
 
 
 def _tangent_dimension(jacobian: npt.NDArray[Any]) -> int:
-    """Return the largest number of independent directions in which the centre can move with A(h) k = 0 to first order."""
+    """Return the largest number of independent directions in which a centre can move, to first order."""
     largest = 0
     for one in jacobian:
         _, singular_values, right = np.linalg.svd(one)

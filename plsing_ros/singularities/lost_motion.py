@@ -91,7 +91,9 @@ def lost_motions(lines: LineSet, camera_center: npt.ArrayLike, tolerance: float 
     rank = int((turning > 1e-6).sum())
     separated = np.concatenate([mix[rank:], mix[:rank]]) @ kernel
     residual = float(size[lost].max())
-    return tuple(_described(motion, unit, center, residual, i < len(kernel) - rank) for i, motion in enumerate(separated))
+    return tuple(
+        _described(motion, unit, center, residual, i < len(kernel) - rank) for i, motion in enumerate(separated)
+    )
 
 
 def _described(motion: Array, unit: float, center: Array, residual: float, translation: bool) -> LostMotion:

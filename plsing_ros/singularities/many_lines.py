@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import combinations, islice
 
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg
 
 from plsing_ros.arrays import Array
@@ -21,13 +22,21 @@ from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.surfaces import transversal_surfaces
-from plsing_ros.singularities.transversals import TransversalAnalysis, analyze_transversals
+from plsing_ros.singularities.transversals import (
+    TransversalAnalysis,
+    TransversalFamily,
+    analyze_transversals,
+)
 
-# Subsets tried; one that is understood completely is enough, and box-like scenes have some that are not.
+# Four-line subsets ranked by how independent their lines are, and
+_CONSIDERED = 1000
+# those tried; one that is understood completely is enough, and box-like scenes have some that are not.
 _SUBSETS = 15
 # Candidates start from a subset's points, which differ from those of all lines by rounding only.
 _CANDIDATE = 1e-6
 _ON_LOCUS = 1e-8
+# Scene lengths from the scene's centre beyond which a candidate is an eigenvalue at infinity, blurred by rounding.
+_FARTHEST = 1e7
 
 
 def isolated_points_of_many(frame: SceneFrame, analysis: TransversalAnalysis) -> IsolatedPoints:
@@ -43,27 +52,42 @@ def isolated_points_of_many(frame: SceneFrame, analysis: TransversalAnalysis) ->
 
     Source: new, docs/theory.md section "Five and more lines".
     """
-    subsets = list(islice(combinations(range(len(frame.direction)), 4), _SUBSETS))
-    rows = np.array(subsets)
+    rows = _best_subsets(frame)
     ten = solve_ten_points(frame.direction[rows], frame.point[rows])
     generic = is_generic(ten)
     for i in np.argsort(-np.where(generic, ten.rank_margin, 0.0), kind="stable"):
-        candidates = _candidates(frame, list(subsets[i]), ten.center[i] if generic[i] else None)
+        candidates = _candidates(frame, analysis, rows[i].tolist(), ten.center[i] if generic[i] else None)
         if candidates is not None:
             return _surviving(frame, analysis, candidates)
     return no_points(
         IsolatedStatus.UNRESOLVED,
-        f"None of the {len(subsets)} sets of four lines that were tried is singular at points and lines only, so that "
+        f"None of the {len(rows)} sets of four lines that were tried is singular at points and lines only, so that "
         "isolated points of all lines cannot be excluded.",
     )
 
 
-def _candidates(frame: SceneFrame, subset: list[int], ten: ComplexArray | None) -> ComplexArray | None:
-    """Return the points among which the singular ones of all lines are, or None if the subset leaves more than points."""
+def _best_subsets(frame: SceneFrame) -> npt.NDArray[np.intp]:
+    """Return four-line subsets, those whose lines are least dependent first, shape (at most _SUBSETS, 4)."""
+    subsets = np.array(list(islice(combinations(range(len(frame.direction)), 4), _CONSIDERED)))
+    rows = np.concatenate([frame.moment, frame.direction], axis=1)
+    independence = np.linalg.svd(rows[subsets], compute_uv=False)[:, -1]
+    # Three independent directions, or the perpendiculars of the lines are dependent for too many cameras.
+    independence *= np.linalg.svd(frame.direction[subsets], compute_uv=False)[:, -1]
+    return subsets[np.argsort(-independence, kind="stable")[:_SUBSETS]]
+
+
+def _candidates(
+    frame: SceneFrame, analysis: TransversalAnalysis, subset: list[int], ten: ComplexArray | None
+) -> ComplexArray | None:
+    """Return points among which the singular ones of all lines are; None if the subset leaves more than points."""
     four = SceneFrame(frame.center, frame.length, False, frame.direction[subset], frame.point[subset])
     transversals = analyze_transversals(four)
-    if len(transversals.planes) or transversals.null_dimension > 2:
+    if transversals.family in (TransversalFamily.REGULUS, TransversalFamily.EVERYWHERE):
         return None
+    # A plane that is singular for all lines anyway does no harm.
+    for plane in transversals.planes:
+        if not any(min(np.abs(plane - own).max(), np.abs(plane + own).max()) <= _ON_LOCUS for own in analysis.planes):
+            return None
     if ten is None:
         own = SceneFrame.recentered(four)
         distinct = len(distinct_rows(own))
@@ -74,7 +98,8 @@ def _candidates(frame: SceneFrame, subset: list[int], ten: ComplexArray | None) 
             return None
         ten = found.center
     along = [_singular_along(frame, line) for line in transversals.lines if np.linalg.norm(line[:3]) > _ON_LOCUS]
-    return np.concatenate([ten, *along])
+    candidates: ComplexArray = np.concatenate([ten, *along])
+    return candidates
 
 
 def _singular_along(frame: SceneFrame, line: Array) -> ComplexArray:
@@ -95,6 +120,7 @@ def _singular_along(frame: SceneFrame, line: Array) -> ComplexArray:
 
 def _surviving(frame: SceneFrame, analysis: TransversalAnalysis, candidates: ComplexArray) -> IsolatedPoints:
     near = singularity_residuals(frame.point, frame.direction, candidates) <= _CANDIDATE
+    near &= np.abs(candidates).max(axis=1, initial=0.0) < _FARTHEST
     start = candidates[near]
     if len(start) == 0:
         return no_points(IsolatedStatus.NONE)
@@ -103,6 +129,7 @@ def _surviving(frame: SceneFrame, analysis: TransversalAnalysis, candidates: Com
     h /= np.linalg.norm(h, axis=1, keepdims=True)
     k = np.linalg.svd(np.einsum("ka,aij->kij", h, tensor[0]))[2][:, -1].conj()
     polished, _, _ = newton(tensor, np.zeros(len(h), dtype=np.intp), h, k)
+    polished = polished[np.abs(polished[:, 0]) > 1.0 / _FARTHEST]
     center = polished[:, 1:] / polished[:, :1]
     residual = singularity_residuals(frame.point, frame.direction, center)
     kept: list[int] = []

@@ -9,13 +9,16 @@ import numpy.typing as npt
 
 from plsing_ros.arrays import Array
 
+# Share of the mean distance below which the distance of a centre to a line is rounding: the centre is on that line.
+_ON_LINE = 1e-12
+
 
 def singularity_residuals(point: Array, direction: Array, centers: npt.NDArray[Any]) -> Array:
     """Return the smallest over the largest singular value of the row-normalised xi at camera centres.
 
     Lengths are measured in the root mean square distance from the centre to the lines, so that the result has no
-    unit and does not become small just because the centre is far away. A row that vanishes (the centre is on that
-    line) stays zero.
+    unit and does not become small just because the centre is far away. The rows of a line that the centre is on are
+    zero.
 
     Args:
         point: A point on each line, shape (n, 3).
@@ -30,11 +33,14 @@ def singularity_residuals(point: Array, direction: Array, centers: npt.NDArray[A
     return _ratios(normalized_rank_basis(point, direction, centers))
 
 
-def scene_residuals(
-    point: Array, direction: Array, scene: npt.NDArray[np.intp], centers: npt.NDArray[Any]
-) -> Array:
-    """Return singularity_residuals of centres (k, 3), each in its own of S scenes of lines (S, n, 3), shape (k,)."""
-    return _ratios(normalized_rank_basis(point[scene], direction[scene], centers))
+def scene_residuals(point: Array, direction: Array, scene: npt.NDArray[np.intp], centers: npt.NDArray[Any]) -> Array:
+    """Return singularity_residuals of centres (k, 3), each in its own of S scenes of lines (S, n, 3), shape (k,).
+
+    1 for a centre on an observed line, which is a singularity of another kind than these are asked for.
+    """
+    xi = normalized_rank_basis(point[scene], direction[scene], centers)
+    on_line = ~np.asarray(xi.any(axis=2)).all(axis=1)
+    return np.where(on_line, 1.0, _ratios(xi))
 
 
 def normalized_rank_basis(point: Array, direction: Array, centers: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -54,6 +60,10 @@ def normalized_rank_basis(point: Array, direction: Array, centers: npt.NDArray[A
     square = (f.real**2 + f.imag**2).sum(axis=2) if np.iscomplexobj(f) else dot
     unit = np.sqrt(square.sum(axis=1, keepdims=True) / n)
     unit = np.where(unit > 0.0, unit, 1.0)
+    on_line = square <= (_ON_LINE * unit) ** 2
+    if on_line.any():
+        f = np.where(on_line[:, :, np.newaxis], 0.0, f)
+        dot, square = np.where(on_line, 0.0, dot), np.where(on_line, 0.0, square)
     # |u x f| = |f|, since f is across u; so both lengths are known before the rows are.
     first = np.sqrt(square * unit**2 + dot.real**2 + dot.imag**2)
     first = np.where(first > 0.0, first, 1.0)

@@ -17,6 +17,7 @@ from plsing_ros.singularities.isolated_points import ComplexArray
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LineAndPointTable, LocusDistance
 from plsing_ros.singularities.lost_motion import LostMotion, lost_motions
 from plsing_ros.singularities.many_lines import isolated_points_of_many
+from plsing_ros.singularities.residual import cross
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.surfaces import Surface, three_line_cubic, transversal_surfaces
@@ -30,7 +31,6 @@ from plsing_ros.singularities.transversals import (
     nearest_transversal,
     order_of_loci,
 )
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +82,15 @@ class SingularSet:
         names += [surface.name for surface in self.surfaces]
         kinds = [Kind.TRANSVERSAL] * len(self.transversals) + [Kind.ISOLATED_POINT] * k
         kinds += [Kind.OBSERVED_LINE] * len(self.lines) + [surface.kind for surface in self.surfaces]
-        point = [transversal.point for transversal in self.transversals] + [*self.isolated_points, *self.lines.point]
-        direction = [t.direction for t in self.transversals] + [np.zeros(3)] * k + [*self.lines.direction]
+        single = self.transversals
+        point = [np.array([t.point for t in single])] if single else []
+        direction = [np.array([t.direction for t in single])] if single else []
+        point += [self.isolated_points, cross(self.lines.direction, self.lines.moment)]
+        direction += [np.zeros((k, 3)), self.lines.direction]
+        table = LineAndPointTable(np.concatenate(point), np.concatenate(direction))
         object.__setattr__(self, "locus_names", tuple(names))
         object.__setattr__(self, "locus_kinds", tuple(kinds))
-        object.__setattr__(self, "_table", LineAndPointTable(np.array(point), np.array(direction)))
+        object.__setattr__(self, "_table", table)
 
     def distance_arrays(self, camera_center: npt.ArrayLike) -> DistanceArrays:
         """Return the distances to all parts of the set in the order of locus_names; for every control cycle.
@@ -173,14 +177,17 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
     else:
         isolated = isolated_points_of_many(reduced, analysis)
     found = _assembled(lines, reduced, case, analysis, surfaces, isolated)
-    return replace(found, certificates=_certificates(found, lines.select(rows))) if certify and len(rows) == 4 else found
+    return (
+        replace(found, certificates=_certificates(found, lines.select(rows))) if certify and len(rows) == 4 else found
+    )
 
 
 def _certificates(found: SingularSet, distinct: LineSet) -> tuple[Certificate, ...]:
     """Return a certificate for each transversal, real point and pair of complex points of four distinct lines."""
     frame, k = found.frame, len(found.isolated_points)
     proofs = [certify_transversal(distinct, frame, t.point, t.direction, t.name) for t in found.transversals]
-    for i, center in enumerate(found.isolated_points_complex):
+    for i in range(len(found.isolated_points_complex)):
+        center = found.isolated_points_complex[i, :]
         if i < k:
             proofs.append(certify_isolated_point(distinct, frame, center, f"isolated point {i + 1}"))
         elif center[np.argmax(np.abs(center.imag))].imag > 0.0:

@@ -19,6 +19,12 @@ for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     _LEVI_CIVITA[_i, _j, _k] = 1.0
     _LEVI_CIVITA[_i, _k, _j] = -1.0
 
+# Starts of the search for the nearest point, in scene lengths around the camera centre.
+_START_RADII = (0.3, 1.0, 3.0)
+_START_DIRECTIONS = np.array(
+    [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], float
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -28,7 +34,8 @@ class Surface:
         kind: Kind.PLANE, Kind.QUADRIC or Kind.CUBIC.
         name: As in SingularSet.locus_names.
         frame: The scene the coefficients belong to.
-        tensor: Symmetric, shape (4, 4, 4): F = sum T_abc h_a h_b h_c for h = (1, C) in scene coordinates, largest entry 1.
+        tensor: Symmetric, shape (4, 4, 4): F = sum T_abc h_a h_b h_c for h = (1, C) in scene coordinates; its largest
+            entry is 1.
     """
 
     kind: Kind
@@ -58,7 +65,7 @@ class Surface:
         to_scene[1:, 0] = -self.frame.center / self.frame.length
         to_scene[1:, 1:] = np.eye(3) / self.frame.length
         tensor = np.einsum("abc,ai,bj,ck->ijk", self.tensor, to_scene, to_scene, to_scene)
-        values = {exponents: 0.0 for exponents in self.exponents}
+        values = dict.fromkeys(self.exponents, 0.0)
         for index in np.ndindex(4, 4, 4):
             key = (index.count(1), index.count(2), index.count(3))
             if key in values:
@@ -90,6 +97,52 @@ class Surface:
         # d|F| / |grad F| of the scene coordinates, back in metres.
         step: Array = center - gradient * (float(plane @ h) / square) * self.frame.length
         return step
+
+    def nearest_point(self, center: npt.ArrayLike) -> Array:
+        """Return the point of the surface closest to a camera centre, shape (3,) [m].
+
+        Newton's method on the Lagrange conditions C - center + lambda grad F = 0, F = 0, from several starts; the
+        closest of the solutions found. For use offline: it takes a few milliseconds.
+
+        Args:
+            center: In the frame of the lines, shape (3,) [m].
+
+        Raises:
+            GeometryError: If center is not three finite numbers.
+        """
+        given = self.frame.to_scene(checked_array("center", center, (3,)))
+        starts = [given, *(given + radius * way for radius in _START_RADII for way in _START_DIRECTIONS)]
+        found = [point for start in starts if (point := self._lagrange_point(given, start)) is not None]
+        if not found:
+            return self.first_order_closest_point(np.asarray(center, dtype=float))
+        return self.frame.from_scene(min(found, key=lambda point: float(np.linalg.norm(point - given))))
+
+    def _lagrange_point(self, given: Array, start: Array) -> Array | None:
+        """Return the critical point of the distance that Newton's method reaches from a start, in scene coordinates."""
+        point, multiplier = start, 0.0
+        for step in range(60):
+            h = np.array([1.0, *point])
+            plane = self.tensor @ h
+            gradient = 3.0 * (plane @ h)[1:]
+            value = float(h @ plane @ h)
+            if step == 0:
+                multiplier = value / max(float(gradient @ gradient), 1e-300)
+            system = np.zeros((4, 4))
+            system[:3, :3] = np.eye(3) + multiplier * 6.0 * plane[1:, 1:]
+            system[:3, 3] = system[3, :3] = gradient
+            right = np.array([*(point - given + multiplier * gradient), value])
+            try:
+                change = np.linalg.solve(system, right)
+            except np.linalg.LinAlgError:
+                return None
+            length = float(np.linalg.norm(change[:3]))
+            shorten = min(1.0, (0.2 + float(np.linalg.norm(point - given))) / length) if length > 0.0 else 1.0
+            point, multiplier = point - shorten * change[:3], multiplier - shorten * float(change[3])
+            if not np.isfinite(point).all():
+                return None
+            if length <= 1e-13 * (1.0 + float(np.linalg.norm(point))):
+                return point
+        return None
 
     def _homogeneous(self, centers: npt.ArrayLike) -> Array:
         points = self.frame.to_scene(checked_array("centers", centers, (None, 3)))
@@ -134,7 +187,7 @@ def transversal_surfaces(frame: SceneFrame, analysis: TransversalAnalysis) -> tu
     """Return the surfaces filled with transversals: planes of pencils, the quadric of a regulus."""
     count = len(analysis.planes)
     names = ["plane"] if count == 1 else [f"plane {i}" for i in range(1, count + 1)]
-    found = [plane_surface(frame, plane, name) for plane, name in zip(analysis.planes, names, strict=True)]
+    found = [plane_surface(frame, analysis.planes[i], name) for i, name in enumerate(names)]
     if analysis.family is TransversalFamily.REGULUS:
         # Any three lines of a regulus carry its quadric.
         quadric = three_line_quadric(frame)
@@ -157,9 +210,11 @@ def _symmetric(tensor: Array) -> Array:
 
 
 def _normalized(tensor: Array) -> Array:
-    return tensor / tensor.flat[int(np.argmax(np.abs(tensor)))]
+    normalized: Array = tensor / tensor.ravel()[np.argmax(np.abs(tensor))]
+    return normalized
 
 
 def _skew(vectors: Array) -> Array:
     """Return the matrices of b -> a x b for the rows a, shape (n, 3, 3)."""
-    return np.einsum("aib,ni->nab", _LEVI_CIVITA, vectors)
+    matrices: Array = np.einsum("aib,ni->nab", _LEVI_CIVITA, vectors)
+    return matrices

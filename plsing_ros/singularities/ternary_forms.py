@@ -19,9 +19,7 @@ def basis_values(degree: int, w: Array) -> Array:
 
     The row of a unit vector has unit length, whatever the degree.
     """
-    columns = [
-        _weight(e) * w[:, 0] ** e[0] * w[:, 1] ** e[1] * w[:, 2] ** e[2] for e in exponents(degree)
-    ]
+    columns = [_weight(e) * w[:, 0] ** e[0] * w[:, 1] ** e[1] * w[:, 2] ** e[2] for e in exponents(degree)]
     return np.stack(columns, axis=1)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class Transversal:
     Attributes:
         point: Its point closest to the scene's centre, in the frame of the lines, shape (3,) [m].
         direction: Unit direction; of its two signs the one whose largest component is positive, shape (3,).
-        residual: The largest of the independent residuals (singularity_residuals) at three of its points.
+        residual: The largest of the independent residuals (singularity_residuals) at two of its points.
         name: "transversal 1", ...: the one closest to the scene's centre first.
     """
 
@@ -79,7 +80,7 @@ class NearestTransversal:
     Attributes:
         point: Its point closest to the scene's centre, in the frame of the lines, shape (3,) [m].
         direction: Unit direction, shape (3,).
-        residual: The largest of the independent residuals (singularity_residuals) at three of its points.
+        residual: The largest of the independent residuals (singularity_residuals) at two of its points.
         miss: How far it passes from each observed line, shape (n,) [m].
     """
 
@@ -88,6 +89,12 @@ class NearestTransversal:
     residual: float
     miss: Array
 
+
+# Where along a line its residual is computed, in scene lengths from its foot.
+_PLACES = np.array([[1.0], [-1.618]])
+
+# Relative difference of distances to the scene's centre up to which two loci are ordered by their coordinates.
+_TIE = 1e-5
 
 _NO_LINES = np.zeros((0, 6))
 _NO_PLANES = np.zeros((0, 4))
@@ -132,7 +139,7 @@ def named_transversals(analysis: TransversalAnalysis, frame: SceneFrame) -> tupl
     line, length = analysis.lines[finite], length[finite]
     direction = line[:, :3] / length
     direction *= np.where((direction * direction).max(axis=1) == direction.max(axis=1) ** 2, 1.0, -1.0)[:, np.newaxis]
-    foot = cross(line[:, :3], line[:, 3:]) / length**2
+    foot: Array = np.asarray(cross(line[:, :3], line[:, 3:]) / length**2, dtype=np.float64)
     residual = _residual_along(frame, foot, direction).tolist()
     point = frame.from_scene(foot)
     return tuple(
@@ -157,7 +164,7 @@ def nearest_transversal(frame: SceneFrame) -> NearestTransversal:
     starts = [*_of_pencil(right[-2:], _klein_form(right[-2:]), TOLERANCE).lines, *right[::-1]]
     line = min((_descended(rows, start) for start in starts), key=lambda t: float(np.linalg.norm(rows @ t)))
     direction = line[:3]
-    foot = np.cross(direction, line[3:])
+    foot = cross(direction, line[3:])
     crossing = np.cross(direction, frame.direction)
     sine = np.linalg.norm(crossing, axis=1)
     parallel = sine <= TOLERANCE
@@ -210,13 +217,14 @@ def _klein_form(basis: Array) -> Array:
 
 
 def _residual_along(frame: SceneFrame, foot: Array, direction: Array) -> Array:
-    """Return the largest residual at three points of each line, shape (k,).
+    """Return the larger residual at two points of each line, shape (k,).
 
-    Three, so that a foot that happens to be on an observed line does not hide a wrong direction.
+    Two that are not its foot, so that a point it shares with an observed line hardly hides a wrong direction.
     """
-    places = foot[:, np.newaxis, :] + direction[:, np.newaxis, :] * np.array([[0.0], [1.0], [-1.618]])
-    residual: Array = singularity_residuals(frame.point, frame.direction, places.reshape(-1, 3)).reshape(-1, 3).max(axis=1)
-    return residual
+    places = foot[:, np.newaxis, :] + direction[:, np.newaxis, :] * _PLACES
+    residual = singularity_residuals(frame.point, frame.direction, places.reshape(-1, 3))
+    larger: Array = residual.reshape(-1, len(_PLACES)).max(axis=1)
+    return larger
 
 
 def order_of_loci(point: Array, direction: Array | None = None) -> list[int]:
@@ -229,23 +237,26 @@ def order_of_loci(point: Array, direction: Array | None = None) -> list[int]:
         point: Their points closest to the centre, scene coordinates, shape (k, 3).
         direction: Their directions, if they are lines, shape (k, 3).
     """
-    if len(point) < 2:
-        return list(range(len(point)))
-    columns = point if direction is None else np.concatenate([point, direction], axis=1)
     distance = np.sqrt((point * point).sum(axis=1)).tolist()
+    order = sorted(range(len(distance)), key=distance.__getitem__)
+    if all(distance[j] - distance[i] > _TIE * distance[j] for i, j in pairwise(order)):
+        return order
+    columns = point if direction is None else np.concatenate([point, direction], axis=1)
     rows = np.round(columns, 6).tolist()
-    return sorted(range(len(rows)), key=lambda i: (float(f"{distance[i]:.6g}"), rows[i]))
+    return sorted(order, key=lambda i: (float(f"{distance[i]:.6g}"), rows[i]))
 
 
 def _of_pencil(null: Array, form: Array, tolerance: float) -> TransversalAnalysis:
     """The transversals in a two-dimensional null space: the zeros of a binary quadratic form."""
     a, b, c = float(form[0, 0]), float(form[0, 1]), float(form[1, 1])
-    discriminant = b * b - a * c
-    if max(abs(a), abs(b), abs(c)) <= tolerance:
+    discriminant, size = b * b - a * c, max(abs(a), abs(b), abs(c))
+    if size <= tolerance:
         return TransversalAnalysis(TransversalFamily.PENCIL, 2, discriminant, _NO_LINES, _plane_of(null))
-    if discriminant < -tolerance:
+    # Relative to the form, which is small as a whole near a pencil.
+    margin = tolerance * size**2
+    if discriminant < -margin:
         return TransversalAnalysis(TransversalFamily.COMPLEX_PAIR, 2, discriminant, _NO_LINES, _NO_PLANES)
-    if discriminant <= tolerance:
+    if discriminant <= margin:
         root = np.array([[-b, a]] if abs(a) >= abs(c) else [[c, -b]])
         return TransversalAnalysis(TransversalFamily.DOUBLE, 2, discriminant, _unit_rows(root @ null), _NO_PLANES)
     # The root without cancellation first; the other from the product of the two.
@@ -285,8 +296,8 @@ def _plane_of(lines: Array) -> Array:
     A line lies in the plane if a . d = 0 and a x m = b d.
     """
     equations = np.zeros((4 * len(lines), 4))
-    for row, line in enumerate(lines):
-        d, (x, y, z) = line[:3], line[3:]
+    for row in range(len(lines)):
+        d, (x, y, z) = lines[row, :3], lines[row, 3:]
         equations[4 * row, :3] = d
         equations[4 * row + 1 : 4 * row + 4, :3] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
         equations[4 * row + 1 : 4 * row + 4, 3] = -d
