@@ -7,9 +7,9 @@ SHARE = Path("share") / NAME
 
 
 def config_files() -> list[tuple[str, list[str]]]:
-    """Return config/ as data_files entries: each folder with the YAML files in it."""
+    """Return config/ as data_files entries: each folder with the files in it."""
     files_of: dict[Path, list[str]] = {}
-    for file in sorted(Path("config").rglob("*.yaml")):
+    for file in sorted(Path("config").rglob("*.*")):
         files_of.setdefault(file.parent, []).append(str(file))
     return [(str(SHARE / folder), files) for folder, files in files_of.items()]
 
@@ -36,6 +36,8 @@ setup(
             "controller = plsing_ros.nodes.controller:main",
             "singularity_monitor = plsing_ros.nodes.singularity_monitor:main",
             "demo = plsing_ros.cli.demo:main",
+            "analyze = plsing_ros.cli.analyze:main",
+            "survey = plsing_ros.cli.survey:main",
         ],
     },
 )

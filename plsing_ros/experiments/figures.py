@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from plsing_ros.arrays import Array
 from plsing_ros.experiments.run_record import RunRecord
+from plsing_ros.geometry.segments import segments_in_ball
 from plsing_ros.servoing.levels import Level
 from plsing_ros.singularities import SingularSet
 
@@ -94,16 +95,10 @@ def _draw_trajectories(figure: Any, records: Sequence[RunRecord], found: Singula
 
 
 def _draw_lines(axes: Any, points: Array, directions: Array, center: Array, radius: float, **style: Any) -> None:
-    """Draw the part of each line that is inside a cube around center."""
     label = style.pop("label")
-    for point, direction in zip(points, directions, strict=True):
-        middle = point + direction * ((center - point) @ direction)
-        along = np.linspace(-2.0 * radius, 2.0 * radius, 801)[:, np.newaxis]
-        line = middle + along * direction
-        line = line[np.abs(line - center).max(axis=1) <= radius]
-        if len(line):
-            axes.plot(*line[[0, -1]].T, linewidth=1.2, label=label, **style)
-            label = None
+    for segment in segments_in_ball(points, directions, center, radius):
+        axes.plot(*segment.T, linewidth=1.2, label=label, **style)
+        label = None
 
 
 def _draw_condition(figure: Any, records: Sequence[RunRecord]) -> None:

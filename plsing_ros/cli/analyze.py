@@ -1,0 +1,66 @@
+"""Command analyze: what is singular in a scene, and how near a camera is to it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+from plsing_ros.errors import PlsingError
+from plsing_ros.geometry.scene_file import read_scene
+from plsing_ros.singularities import SingularSet, singular_set
+
+_EPILOG = """examples:
+  analyze config/paper_p4l.yaml
+  analyze config/paper_p4l.yaml --at 0.6962 -4.637 7.8    also how near a camera there is"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the singular set of a scene file; return the exit code."""
+    parser = argparse.ArgumentParser(
+        description="Compute the singular set of the lines in a ROS parameter file: the transversals and isolated points "
+        "at which a camera that servoes on them loses a motion.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("scene", help="parameter file with lines.points and lines.directions")
+    parser.add_argument("--at", nargs=3, type=float, metavar=("X", "Y", "Z"), help="camera centre, scene frame [m]")
+    options = parser.parse_args(argv)
+    try:
+        found = singular_set(read_scene(options.scene))
+        print("\n".join(_description(found)))
+        if options.at is not None:
+            print("\n".join(_situation(found, np.array(options.at))))
+    except PlsingError as error:
+        print(f"analyze: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _description(found: SingularSet) -> list[str]:
+    lines = [found.description, ""]
+    for transversal in found.transversals:
+        lines.append(
+            f"{transversal.name}: through {_vector(transversal.point)} m along {_vector(transversal.direction)}, "
+            f"residual {transversal.residual:.1e}"
+        )
+    for number, (point, residual) in enumerate(
+        zip(found.isolated_points, found.isolated_point_residuals, strict=True), start=1
+    ):
+        lines.append(f"isolated point {number}: {_vector(point)} m, residual {residual:.1e}")
+    lines += [f"{surface.name}: degree {surface.degree}" for surface in found.surfaces]
+    return lines
+
+
+def _situation(found: SingularSet, center: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[str]:
+    lines = ["", f"camera at {_vector(center)} m"]
+    lines += [f"  {each.distance:10.4f} m from {each.name}" for each in found.distances(center)]
+    motions = found.lost_motions(center)
+    lines += [f"  lost motion: {motion}" for motion in motions] or ["  no motion is lost there"]
+    return lines
+
+
+def _vector(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

@@ -1,0 +1,34 @@
+from plsing_ros.cli.analyze import main
+from plsing_ros.experiments.config_files import config_file
+
+PAPER = str(config_file("paper_p4l.yaml"))
+
+
+def test_tells_the_loci_of_the_papers_scene(capsys):
+    assert main([PAPER]) == 0
+    output = capsys.readouterr().out
+    assert output.count("\ntransversal ") == 2
+    assert output.count("\nisolated point ") == 6
+    assert "hyperbolic" in output
+
+
+def test_at_a_point_of_the_transversal_the_lost_motion_is_along_it(capsys):
+    assert main([PAPER, "--at", "0.3962", "-4.337", "7.50"]) == 0
+    nearest = capsys.readouterr().out.split("camera at")[1].splitlines()[1]
+    assert nearest.endswith("m from transversal 1")
+    assert float(nearest.split()[0]) < 1e-3  # the paper prints four digits
+
+
+def test_away_from_all_loci_no_motion_is_lost(capsys):
+    assert main([PAPER, "--at", "5", "2", "3"]) == 0
+    assert "no motion is lost there" in capsys.readouterr().out
+
+
+def test_a_file_that_cannot_be_read_is_one_line(capsys):
+    assert main(["/nowhere.yaml"]) == 1
+    assert capsys.readouterr().err.startswith("analyze: cannot read scene file /nowhere.yaml")
+
+
+def test_a_camera_that_is_nowhere_is_refused(capsys):
+    assert main([PAPER, "--at", "nan", "0", "0"]) == 1
+    assert "camera_center[0] is nan" in capsys.readouterr().err
