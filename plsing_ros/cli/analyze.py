@@ -7,7 +7,9 @@ import sys
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
+from plsing_ros.arrays import Array
 from plsing_ros.errors import PlsingError
 from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.singularities import SingularSet, singular_set
@@ -20,7 +22,7 @@ _EPILOG = """examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the singular set of a scene file; return the exit code."""
     parser = argparse.ArgumentParser(
-        description="Compute the singular set of the lines in a ROS parameter file: the transversals and isolated points "
+        description="Compute the singular set of the lines in a ROS parameter file: transversals and isolated points "
         "at which a camera that servoes on them loses a motion.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -54,7 +56,7 @@ def _description(found: SingularSet) -> list[str]:
     return lines
 
 
-def _situation(found: SingularSet, center: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[str]:
+def _situation(found: SingularSet, center: Array) -> list[str]:
     lines = ["", f"camera at {_vector(center)} m"]
     lines += [f"  {each.distance:10.4f} m from {each.name}" for each in found.distances(center)]
     motions = found.lost_motions(center)
@@ -62,5 +64,5 @@ def _situation(found: SingularSet, center: np.ndarray[tuple[int, ...], np.dtype[
     return lines
 
 
-def _vector(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
-    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
+def _vector(values: npt.ArrayLike) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in np.asarray(values)) + ")"
