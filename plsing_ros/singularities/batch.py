@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, BoolArray, checked_array
+from plsing_ros.arrays import Array, BoolArray, checked_array, cross
 from plsing_ros.errors import GeometryError
 from plsing_ros.singularities.four_lines import is_generic
 from plsing_ros.singularities.isolated_points import ComplexArray, solve_ten_points
-from plsing_ros.singularities.residual import cross
 from plsing_ros.singularities.scene_frame import scene_coordinates
 
 # Scenes computed together: about 20 kB each, so that a chunk stays in the cache of a usual processor.

@@ -6,7 +6,7 @@ import enum
 
 import numpy as np
 
-from plsing_ros.arrays import Array
+from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.transversals import TransversalFamily
 
 _ANGLE_TOLERANCE = 1e-9
@@ -50,30 +50,33 @@ class Case(enum.Enum):
         return self.value
 
 
-def classify(direction: Array, family: TransversalFamily) -> Case:
+_CONGRUENCES = {
+    TransversalFamily.TWO: Case.P4L_HYPERBOLIC,
+    TransversalFamily.DOUBLE: Case.P4L_PARABOLIC,
+    TransversalFamily.COMPLEX_PAIR: Case.P4L_ELLIPTIC,
+}
+
+
+def classify(frame: SceneFrame, family: TransversalFamily) -> Case:
     """Return the row of the table for three or more distinct lines that are not singular everywhere.
 
     Args:
-        direction: Unit directions of the distinct lines, shape (n, 3).
+        frame: The distinct lines.
         family: What meets them all.
 
     Source: table "Different cases of singularities in P4L and P5L"; rows REGULUS, PLANAR and PNL are new.
     """
-    n = len(direction)
+    n = len(frame.direction)
     if n == 3:
         return Case.P3L_SKEW if family is TransversalFamily.REGULUS else Case.P3L_SPECIAL
     if family is TransversalFamily.REGULUS:
         return Case.REGULUS
     if family in (TransversalFamily.PENCIL, TransversalFamily.TWO_PENCILS, TransversalFamily.PLANE):
         return Case.PLANAR
-    if n <= 5 and _orthogonal_or_parallel(direction):
+    if n <= 5 and _orthogonal_or_parallel(frame):
         return Case.P4L_ORTHOGONAL_PARALLEL if n == 4 else Case.P5L_ORTHOGONAL_PARALLEL
     if n == 4:
-        return {
-            TransversalFamily.TWO: Case.P4L_HYPERBOLIC,
-            TransversalFamily.DOUBLE: Case.P4L_PARABOLIC,
-            TransversalFamily.COMPLEX_PAIR: Case.P4L_ELLIPTIC,
-        }.get(family, Case.PNL_TRANSVERSAL)
+        return _CONGRUENCES.get(family, Case.PNL_TRANSVERSAL)
     none = family in (TransversalFamily.NONE, TransversalFamily.COMPLEX_PAIR)
     if n == 5:
         if none:
@@ -82,15 +85,15 @@ def classify(direction: Array, family: TransversalFamily) -> Case:
     return Case.PNL_REGULAR if none else Case.PNL_TRANSVERSAL
 
 
-def _orthogonal_or_parallel(direction: Array) -> bool:
+def _orthogonal_or_parallel(frame: SceneFrame) -> bool:
     """Return whether all pairs are parallel or orthogonal and three of the lines mutually orthogonal."""
-    cosine = np.abs(direction @ direction.T)
-    # Neither nearly parallel nor nearly orthogonal to the first line: no need to look closer.
-    if bool(np.any((cosine[0] > 1e-3) & (cosine[0] < 0.999))):
+    cosine = frame.cosine
+    # A line neither nearly parallel nor nearly orthogonal to the first: no need to look closer.
+    if any(1e-3 < value < 0.999 for value in cosine[0].tolist()):
         return False
     # 1 - cosine is half the squared angle: compare sines, which see small angles.
     sine = np.sqrt(np.maximum(0.0, 1.0 - cosine**2))
     special = (cosine <= _ANGLE_TOLERANCE) | (sine <= np.sqrt(_ANGLE_TOLERANCE))
     if not special.all():
         return False
-    return bool(np.linalg.matrix_rank(direction, tol=0.5) == 3)
+    return bool(np.linalg.matrix_rank(frame.direction, tol=0.5) == 3)

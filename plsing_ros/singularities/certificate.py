@@ -28,14 +28,18 @@ class Certificate:
 
     Attributes:
         name: What it is about: "transversal 1", "isolated point 1", or a pair of rows of isolated_points_complex.
-        proved: Whether a true one lies within radius.
+        proved: Whether a true singular point or transversal of the four lines lies within radius.
         radius: [m] for points, of the unit Plücker vector in scene coordinates for transversals; infinite if not
             proved. For a real point it also proves that the true one is real.
+        lines: Ids of the four lines the proof is about. In a scene of more lines it says nothing of the others: that
+            these agree is measured by the residual, and no interval test can prove it, because all lines together
+            give more equations than unknowns.
     """
 
     name: str
     proved: bool
     radius: float
+    lines: tuple[int, ...]
 
 
 def certify_isolated_point(lines: LineSet, frame: SceneFrame, center: npt.NDArray[Any], name: str) -> Certificate:
@@ -59,7 +63,7 @@ def certify_isolated_point(lines: LineSet, frame: SceneFrame, center: npt.NDArra
     # The box bounds every coordinate, of the real and the imaginary part, around the centre as rounded into the scene.
     rounding = 8.0 * np.finfo(float).eps * float(np.abs(center).max() + np.abs(frame.center).max())
     length = frame.length * (3.0 if real else 6.0) ** 0.5
-    return Certificate(name, bool(np.isfinite(radius)), 1.001 * radius * length + rounding)
+    return Certificate(name, bool(np.isfinite(radius)), 1.001 * radius * length + rounding, lines.ids)
 
 
 def certify_transversal(lines: LineSet, frame: SceneFrame, point: Array, direction: Array, name: str) -> Certificate:
@@ -76,7 +80,7 @@ def certify_transversal(lines: LineSet, frame: SceneFrame, point: Array, directi
     line = np.concatenate([direction, np.cross(foot, direction)])
     line /= np.linalg.norm(line)
     radius = _krawczyk(_LineEquations(_interval_lines(lines, frame), line), line, True)
-    return Certificate(name, bool(np.isfinite(radius)), 1.001 * radius * 6.0**0.5)
+    return Certificate(name, bool(np.isfinite(radius)), 1.001 * radius * 6.0**0.5, lines.ids)
 
 
 def _interval_lines(lines: LineSet, frame: SceneFrame) -> list[tuple[list[Any], list[Any]]]:
@@ -160,7 +164,7 @@ def _krawczyk(system: _PointEquations | _LineEquations, start: Array, real: bool
 
     size = len(start)
     point = [iv.mpf(value) for value in start.tolist()]
-    midpoint = np.array([[float(_middle(entry)) for entry in row] for row in _real_jacobian(system, point, real)])
+    midpoint = np.array([[float(entry.mid) for entry in row] for row in _real_jacobian(system, point, real)])
     try:
         inverse = np.linalg.inv(midpoint).tolist()
     except np.linalg.LinAlgError:
@@ -217,10 +221,6 @@ def _imaginary_part(value: Any) -> Any:
     from mpmath import iv
 
     return iv.mpf(value.imag) if isinstance(value, int | float | complex) else value.imag
-
-
-def _middle(interval: Any) -> Any:
-    return interval.mid
 
 
 def _dot(first: list[Any], second: list[Any]) -> Any:

@@ -26,14 +26,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, BoolArray
+from plsing_ros.arrays import Array, BoolArray, cross
 from plsing_ros.singularities.kernel_pencil import (
     bilinear_tensor,
     centers_from_axis_directions,
     motions_from_centers,
     newton,
 )
-from plsing_ros.singularities.residual import cross, scene_residuals
+from plsing_ros.singularities.residual import isolated_residuals
 from plsing_ros.singularities.ternary_forms import basis_values, half_sphere_points, multiplication_maps
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -51,16 +51,19 @@ _SEPARATION = 1e-7
 # Homogeneous coordinate C_0 below which a unit (C_0, C) is a point at infinity: farther than 1e9 scene lengths.
 _AT_INFINITY = 1e-9
 
-# Imaginary part, relative to the distance from the scene's centre, up to which a point is real.
+# Imaginary part, relative to the largest coordinate about the scene's centre, up to which a point is real.
 _REAL = 1e-10
 
 _SAMPLES = half_sphere_points(15)
 _INTERPOLATE = np.linalg.inv(basis_values(4, _SAMPLES))
 _MULTIPLY = multiplication_maps(4)
 _MULTIPLY_ALL = np.ascontiguousarray(_MULTIPLY.reshape(30, 15).T)
+_TINY = np.finfo(float).tiny
+_FIVE = np.arange(5)
 _TEN = np.arange(10)
-_LINE = np.arange(4)
 _IDENTITY = np.eye(3)
+# Row i of the line's coordinates belongs to column i of its own constraint.
+_OWN_COLUMN = np.eye(4)[:, np.newaxis, :]
 
 # Pairs of generic linear forms (numerator, denominator); the next pair is tried where one fails.
 _FORMS = np.array(
@@ -73,8 +76,14 @@ _FORMS = np.array(
 _TRY_FORMS = np.einsum("tfa,aij->tfij", _FORMS, _MULTIPLY)
 
 _PAIRS = list(combinations(range(5), 2))
-_FIRST = np.array([pair[0] for pair in _PAIRS])
-_SECOND = np.array([pair[1] for pair in _PAIRS])
+
+
+def _wedge_signs() -> Array:
+    """Return W (25, 10): (outer product of two columns of five) @ W = their 2 x 2 minors."""
+    signs = np.zeros((5, 5, 10))
+    for pair, (i, j) in enumerate(_PAIRS):
+        signs[i, j, pair], signs[j, i, pair] = 1.0, -1.0
+    return signs.reshape(25, 10)
 
 
 def _laplace_signs() -> Array:
@@ -89,6 +98,7 @@ def _laplace_signs() -> Array:
     return signs.reshape(100, 5)
 
 
+_WEDGE = _wedge_signs()
 _LAPLACE = _laplace_signs()
 
 
@@ -122,9 +132,9 @@ def solve_ten_points(direction: Array, point: Array) -> TenPoints:
     functionals, margin = _unknown_functionals(direction, point)
     found = _from_functionals(functionals, margin, direction, point, _TRY_FORMS[0])
     for forms in _TRY_FORMS[1:]:
-        failed = np.flatnonzero(~found.complete)
-        if len(failed) == 0:
+        if found.complete.all():
             break
+        failed = np.flatnonzero(~found.complete)
         again = _from_functionals(functionals[failed], margin[failed], direction[failed], point[failed], forms)
         better = again.complete | (again.residual.max(axis=1) < found.residual[failed].max(axis=1))
         for name in ("center", "real", "residual", "complete"):
@@ -135,23 +145,22 @@ def solve_ten_points(direction: Array, point: Array) -> TenPoints:
 def _unknown_functionals(direction: Array, point: Array) -> tuple[Array, Array]:
     """Return the span of the quartic basis at the axis directions (S, 15, 10), and the rank margins (S,)."""
     scenes = len(direction)
-    matrix = force_matrix(direction, point).reshape(scenes, 20, 3)
-    values = (_SAMPLES @ matrix.swapaxes(1, 2)).reshape(scenes, 15, 5, 4)
-    first, second = values[:, :, _FIRST], values[:, :, _SECOND]
-    left = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-    right = first[..., 2] * second[..., 3] - first[..., 3] * second[..., 2]
-    minors = (left[..., np.newaxis] * right[..., np.newaxis, :]).reshape(scenes, 15, 100) @ _LAPLACE
+    matrix = force_matrix(direction, point).swapaxes(1, 2).reshape(scenes, 20, 3)
+    columns = (_SAMPLES @ matrix.swapaxes(1, 2)).reshape(scenes, 15, 4, 5)
+    outer = columns[:, :, ::2, :, np.newaxis] * columns[:, :, 1::2, np.newaxis, :]
+    pairs = outer.reshape(scenes, 15, 2, 25) @ _WEDGE
+    minors = (pairs[:, :, 0, :, np.newaxis] * pairs[:, :, 1, np.newaxis, :]).reshape(scenes, 15, 100) @ _LAPLACE
     orthogonal, triangular = np.linalg.qr(_INTERPOLATE @ minors, mode="complete")
-    size = np.abs(np.diagonal(triangular, axis1=1, axis2=2))
-    largest = size.max(axis=1)
-    return orthogonal[:, :, 5:], size.min(axis=1) / np.where(largest > 0.0, largest, 1.0)
+    size = np.abs(triangular[:, _FIVE, _FIVE])
+    # 0 / tiny = 0 for a matrix of zeros.
+    return orthogonal[:, :, 5:], size.min(axis=1) / np.maximum(size.max(axis=1), _TINY)
 
 
 def force_matrix(direction: Array, point: Array) -> Array:
     """Return the five equations of the module's head as bilinear forms in a basis of the forces and w, (S, 5, 4, 3)."""
     scenes = len(direction)
-    constraints = np.zeros((scenes, 4, 3, 8))
-    constraints[:, _LINE, :, _LINE] = direction.swapaxes(0, 1)
+    constraints = np.empty((scenes, 4, 3, 8))
+    constraints[:, :, :, :4] = direction[..., np.newaxis] * _OWN_COLUMN
     constraints[:, :, :, 4:7] = _IDENTITY
     constraints[:, :, :, 7] = point
     forces = np.linalg.qr(constraints.reshape(scenes, 12, 8), mode="complete")[0][:, :, 8:].swapaxes(1, 2)
@@ -164,7 +173,7 @@ def force_matrix(direction: Array, point: Array) -> Array:
 
 def _from_functionals(functionals: Array, margin: Array, direction: Array, point: Array, forms: Array) -> TenPoints:
     """Solve the eigenproblems for one pair of linear forms and turn axis directions into camera centres."""
-    numerator, denominator = forms[0] @ functionals, forms[1] @ functionals
+    numerator, denominator = forms[:, np.newaxis] @ functionals
     try:
         multiplication = np.linalg.solve(denominator, numerator)
     except np.linalg.LinAlgError:
@@ -174,48 +183,35 @@ def _from_functionals(functionals: Array, margin: Array, direction: Array, point
     eigenvalues, vectors = np.linalg.eig(multiplication)
     # Conjugate pairs come next to each other, the upper one first; the lower one is left out.
     kept = eigenvalues.imag >= 0.0
-    scene, slot = np.nonzero(kept)
+    scene, slot = kept.nonzero()
     quartics = (functionals @ vectors).swapaxes(1, 2)[scene, slot]
     # w times each cubic basis value: w itself, up to scale, where that value is largest.
     products = (quartics @ _MULTIPLY_ALL).reshape(-1, 3, 10)
     size = (products.real**2 + products.imag**2).sum(axis=1)
-    w = products[np.arange(len(slot)), :, np.argmax(size, axis=1)].astype(complex)
-    h = centers_from_axis_directions(direction[scene], point[scene], w)
-    center, residual = _centers(h, scene, direction, point)
-    rough = np.flatnonzero(residual > _POLISHED)
+    w = products[np.arange(len(slot)), :, size.argmax(axis=1)].astype(complex)
+    # The lines of the scene of each point.
+    direction, point = direction[scene], point[scene]
+    h = centers_from_axis_directions(direction, point, w)
+    center, residual = _centers(h, direction, point)
+    (rough,) = (residual > _POLISHED).nonzero()
     if len(rough):
-        _polish(rough, h, w, center, residual, scene, direction, point)
+        tensor = bilinear_tensor(direction[rough], point[rough])
+        motion = motions_from_centers(tensor, h[rough], w[rough])
+        h[rough] = newton(tensor, np.arange(len(rough)), h[rough], motion)[0]
+        center[rough], residual[rough] = _centers(h[rough], direction[rough], point[rough])
     return _with_conjugates(h, center, residual, kept, margin)
 
 
-def _centers(
-    h: npt.NDArray[Any], scene: npt.NDArray[np.intp], direction: Array, point: Array
-) -> tuple[npt.NDArray[Any], Array]:
+def _centers(h: npt.NDArray[Any], direction: Array, point: Array) -> tuple[npt.NDArray[Any], Array]:
     """Return camera centres of homogeneous ones, NaN at infinity, and their independent residuals."""
-    finite = np.abs(h[:, 0]) > _AT_INFINITY
-    center = h[:, 1:] / np.where(finite, h[:, 0], 1.0)[:, np.newaxis]
-    residual = scene_residuals(point, direction, scene, center)
-    if not finite.all():
-        center[~finite], residual[~finite] = np.nan, 1.0
+    scale = h[:, :1]
+    infinite = np.abs(h[:, 0]) <= _AT_INFINITY
+    if infinite.any():
+        scale = np.where(infinite[:, np.newaxis], 1.0, scale)
+    center = h[:, 1:] / scale
+    residual = isolated_residuals(point, direction, center)
+    center[infinite], residual[infinite] = np.nan, 1.0
     return center, residual
-
-
-def _polish(
-    rough: npt.NDArray[np.intp],
-    h: npt.NDArray[Any],
-    w: npt.NDArray[Any],
-    center: npt.NDArray[Any],
-    residual: Array,
-    scene: npt.NDArray[np.intp],
-    direction: Array,
-    point: Array,
-) -> None:
-    """Replace the rough ones among the centres by what Newton's method makes of them."""
-    own, number = np.unique(scene[rough], return_inverse=True)
-    tensor = bilinear_tensor(direction[own], point[own])
-    motion = motions_from_centers(tensor[number], h[rough], w[rough])
-    h[rough] = newton(tensor, number, h[rough], motion)[0]
-    center[rough], residual[rough] = _centers(h[rough], scene[rough], direction, point)
 
 
 def _with_conjugates(
@@ -223,16 +219,13 @@ def _with_conjugates(
 ) -> TenPoints:
     """Fill in the conjugates that were left out, and judge the ten of each scene as a whole."""
     scenes = len(margin)
-    size = np.sqrt((center.real**2 + center.imag**2).sum(axis=1))
-    real = np.abs(center.imag).max(axis=1) <= _REAL * (1.0 + size)
+    real = np.abs(center.imag).max(axis=1) <= _REAL * (1.0 + np.abs(center).max(axis=1))
     # A slot that was left out follows the one with its conjugate.
-    kept = kept.ravel()
-    source = np.cumsum(kept) - 1
-    lower = ~kept
-    center, h = center[source], h[source]
-    np.conjugate(center, out=center, where=lower[:, np.newaxis])
-    np.conjugate(h, out=h, where=lower[:, np.newaxis])
-    center, h = center.reshape(scenes, 10, 3), h.reshape(scenes, 10, 4)
+    source = kept.cumsum() - 1
+    both = np.concatenate([h, center], axis=1)[source]
+    np.conjugate(both, out=both, where=~kept.reshape(-1, 1))
+    both = both.reshape(scenes, 10, 7)
+    h, center = both[:, :, :4], both[:, :, 4:]
     residual, real = residual[source].reshape(scenes, 10), real[source].reshape(scenes, 10)
     overlap = np.abs(h @ h.conj().swapaxes(1, 2))
     overlap[:, _TEN, _TEN] = 0.0

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array
-from plsing_ros.singularities.residual import cross
+from plsing_ros.arrays import Array, cross
 
 _ANY = np.array([[0.57, -0.42, 0.61, 0.35], [0.31, 0.74, -0.38, 0.46]])
 _RANK_ONE = _ANY[0][:, np.newaxis] * _ANY[1]
 _IDENTITY = np.eye(3)
-# a @ _MINUS_SKEW, as a 3 x 3 matrix, is b -> b x a.
+# a @ _MINUS_SKEW, as a 3 x 3 matrix, is minus_skew(a).
 _MINUS_SKEW = np.array(
     [
         [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0],
@@ -30,6 +29,13 @@ _STEPS = 12
 # Newton's error after a step of relative length s is of the order of s squared.
 _SMALL_STEP = 1e-8
 _LONGEST_STEP = 3.0
+_TINY = np.finfo(float).tiny
+
+
+def minus_skew(vectors: Array) -> Array:
+    """Return the matrices of b -> b x a for vectors a of any leading shape, (..., 3, 3)."""
+    matrices: Array = (vectors @ _MINUS_SKEW).reshape(*vectors.shape, 3)
+    return matrices
 
 
 def bilinear_tensor(direction: Array, point: Array) -> Array:
@@ -40,12 +46,11 @@ def bilinear_tensor(direction: Array, point: Array) -> Array:
         point: A point on each line, scene coordinates, shape (S, n, 3); the one closest to the origin.
     """
     scenes, n = direction.shape[:2]
-    minus_skew = (direction @ _MINUS_SKEW).reshape(scenes, n, 3, 3)
     # f = u x M C_0 - u x C, and the moment M x f; columns are the coefficients of h.
     f = np.empty((scenes, n, 3, 4))
     f[..., 0] = cross(direction, point)
-    f[..., 1:] = minus_skew
-    moment = (point @ _MINUS_SKEW).reshape(scenes, n, 3, 3) @ -f
+    f[..., 1:] = minus_skew(direction)
+    moment = minus_skew(point) @ -f
     tensor = np.zeros((scenes, 4, 2 * n, 6))
     tensor[:, :, :n, :3] = f.transpose(0, 3, 1, 2)
     tensor[:, :, :n, 3:] = moment.transpose(0, 3, 1, 2)
@@ -70,7 +75,8 @@ def centers_from_axis_directions(direction: Array, point: Array, w: npt.NDArray[
     rows = np.empty((len(w), 4, 4), dtype=w.dtype)
     rows[:, :, 0] = -(across * point).sum(axis=2)
     rows[:, :, 1:] = across
-    return _unit(_solve(rows + _RANK_ONE, np.broadcast_to(_ANY[0][:, np.newaxis], (len(w), 4, 1)))[..., 0])
+    rows += _RANK_ONE
+    return _unit(_solve(rows, _ANY[:1, :, np.newaxis])[..., 0])
 
 
 def motions_from_centers(tensor: Array, h: npt.NDArray[Any], w: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -90,8 +96,8 @@ def motions_from_centers(tensor: Array, h: npt.NDArray[Any], w: npt.NDArray[Any]
 
 def newton(
     tensor: Array, scene: npt.NDArray[np.intp], h: npt.NDArray[Any], k: npt.NDArray[Any]
-) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Array]:
-    """Return zeros (h, k) of A(h) k = 0 near the given ones, and the length of the last step of each.
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Return zeros (h, k) of A(h) k = 0 near the given ones.
 
     For more than four lines, Gauss-Newton on the overdetermined equations.
 
@@ -123,7 +129,7 @@ def newton(
         if step.max(initial=0.0) <= _SMALL_STEP:
             break
         active = np.flatnonzero(step > _SMALL_STEP)
-    return h, k, step
+    return h, k
 
 
 def jacobians(tensor: Array, scene: npt.NDArray[np.intp], h: npt.NDArray[Any], k: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -157,5 +163,6 @@ def _solve(matrix: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any
 
 def _unit(vectors: npt.NDArray[Any]) -> npt.NDArray[Any]:
     length = np.sqrt((vectors.real**2 + vectors.imag**2).sum(axis=1, keepdims=True))
-    unit: npt.NDArray[Any] = vectors / np.where(length > 0.0, length, 1.0)
+    # A zero vector stays zero.
+    unit: npt.NDArray[Any] = vectors / np.maximum(length, _TINY)
     return unit

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, BoolArray
+from plsing_ros.arrays import Array, BoolArray, cross
 from plsing_ros.singularities.isolated_points import RESIDUAL_TOLERANCE, ComplexArray, solve_ten_points
 from plsing_ros.singularities.kernel_pencil import bilinear_tensor, jacobians, newton
-from plsing_ros.singularities.residual import cross, singularity_residuals
+from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import TransversalAnalysis
@@ -84,7 +84,7 @@ def limits_of_ten_points(frame: SceneFrame, analysis: TransversalAnalysis, surfa
     h, k, earlier = _follow(frame)
     tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis])
     scene = np.zeros(len(h), dtype=np.intp)
-    polished, motion, _ = newton(tensor, scene, h, k)
+    polished, motion = newton(tensor, scene, h, k)
     jacobian = jacobians(tensor, scene, polished, motion)
     singular_values = np.linalg.svd(jacobian, compute_uv=False)
     regular = singular_values[:, -1] > _REGULAR * singular_values[:, 0]
@@ -159,7 +159,7 @@ def _follow(frame: SceneFrame) -> tuple[npt.NDArray[Any], npt.NDArray[Any], npt.
     history = []
     for size in _SIZES[1:]:
         tensor = bilinear_tensor(*scenes_at(float(size), which))
-        h, k, _ = newton(tensor, scene, h, k)
+        h, k = newton(tensor, scene, h, k)
         history.append(h)
     return h, k, history[-1 - _LOOK_BACK]
 

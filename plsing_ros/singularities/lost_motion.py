@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array
+from plsing_ros.arrays import Array, checked_array, cross
 from plsing_ros.geometry import LineSet
 from plsing_ros.singularities.residual import normalized_rank_basis
 
@@ -75,7 +75,7 @@ def lost_motions(lines: LineSet, camera_center: npt.ArrayLike, tolerance: float 
     """
     center = checked_array("camera_center", camera_center, (3,))
     point = lines.point
-    distance = float(np.sqrt((np.cross(point - center, lines.direction) ** 2).sum(axis=1).mean()))
+    distance = float(np.sqrt((cross(point - center, lines.direction) ** 2).sum(axis=1).mean()))
     unit = distance if distance > 0.0 else 1.0
     xi = normalized_rank_basis(point, lines.direction, center[np.newaxis])[0]
     if len(xi) < 6:
@@ -107,7 +107,7 @@ def _described(motion: Array, unit: float, center: Array, residual: float, trans
     linear, angular = sign * linear / speed, sign * angular / speed
     pitch = float(linear @ angular)
     kind = MotionKind.ROTATION if abs(pitch) <= 1e-9 * unit else MotionKind.SCREW
-    return LostMotion(kind, linear, angular, center + np.cross(angular, linear), pitch, residual)
+    return LostMotion(kind, linear, angular, center + cross(angular, linear), pitch, residual)
 
 
 def _signed(vector: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
-from plsing_ros.arrays import Array
+from plsing_ros.arrays import Array, cross
 from plsing_ros.singularities.four_lines import (
     IsolatedPoints,
     IsolatedStatus,
@@ -52,7 +52,7 @@ def isolated_points_of_many(frame: SceneFrame, analysis: TransversalAnalysis) ->
 
     Source: new, docs/theory.md section "Five and more lines".
     """
-    rows = _best_subsets(frame)
+    rows = best_subsets(frame)
     ten = solve_ten_points(frame.direction[rows], frame.point[rows])
     generic = is_generic(ten)
     for i in np.argsort(-np.where(generic, ten.rank_margin, 0.0), kind="stable"):
@@ -66,11 +66,10 @@ def isolated_points_of_many(frame: SceneFrame, analysis: TransversalAnalysis) ->
     )
 
 
-def _best_subsets(frame: SceneFrame) -> npt.NDArray[np.intp]:
+def best_subsets(frame: SceneFrame) -> npt.NDArray[np.intp]:
     """Return four-line subsets, those whose lines are least dependent first, shape (at most _SUBSETS, 4)."""
     subsets = np.array(list(islice(combinations(range(len(frame.direction)), 4), _CONSIDERED)))
-    rows = np.concatenate([frame.moment, frame.direction], axis=1)
-    independence = np.linalg.svd(rows[subsets], compute_uv=False)[:, -1]
+    independence = np.linalg.svd(frame.plucker_matrix[subsets], compute_uv=False)[:, -1]
     # Three independent directions, or the perpendiculars of the lines are dependent for too many cameras.
     independence *= np.linalg.svd(frame.direction[subsets], compute_uv=False)[:, -1]
     return subsets[np.argsort(-independence, kind="stable")[:_SUBSETS]]
@@ -105,7 +104,7 @@ def _candidates(
 def _singular_along(frame: SceneFrame, line: Array) -> ComplexArray:
     """Return the points of a line (d, m) at which a square compression of xi is singular, shape (k, 3)."""
     length = float(np.linalg.norm(line[:3]))
-    direction, foot = line[:3] / length, np.cross(line[:3], line[3:]) / length**2
+    direction, foot = line[:3] / length, cross(line[:3], line[3:]) / length**2
     tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis])[0]
     constant = np.tensordot(np.array([1.0, *foot]), tensor, axes=1)
     linear = np.tensordot(np.array([0.0, *direction]), tensor, axes=1)
@@ -128,7 +127,7 @@ def _surviving(frame: SceneFrame, analysis: TransversalAnalysis, candidates: Com
     h = np.concatenate([np.ones((len(start), 1)), start], axis=1)
     h /= np.linalg.norm(h, axis=1, keepdims=True)
     k = np.linalg.svd(np.einsum("ka,aij->kij", h, tensor[0]))[2][:, -1].conj()
-    polished, _, _ = newton(tensor, np.zeros(len(h), dtype=np.intp), h, k)
+    polished, _ = newton(tensor, np.zeros(len(h), dtype=np.intp), h, k)
     polished = polished[np.abs(polished[:, 0]) > 1.0 / _FARTHEST]
     center = polished[:, 1:] / polished[:, :1]
     residual = singularity_residuals(frame.point, frame.direction, center)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from plsing_ros.arrays import Array
+from plsing_ros.arrays import Array, cross
 from plsing_ros.geometry import LineSet
-from plsing_ros.singularities.residual import cross
 
 # Lines that miss a common point by less than this share of that point's distance to the origin cannot be told from
 # lines through it: their coordinates are rounded to about 1e-16 of it, and seven digits must be left to compute with.
@@ -57,10 +57,22 @@ class SceneFrame:
         concurrent = bool(length[0] == 0.0)
         return cls(center[0], 1.0 if concurrent else float(length[0]), concurrent, direction, point[0])
 
+    @cached_property
+    def plucker_matrix(self) -> Array:
+        """Rows (moment about center, direction) in scene coordinates, shape (n, 6)."""
+        return np.concatenate([cross(self.point, self.direction), self.direction], axis=1)
+
     @property
     def moment(self) -> Array:
         """Moments of the lines about center in scene coordinates, shape (n, 3)."""
-        return cross(self.point, self.direction)
+        moment: Array = self.plucker_matrix[:, :3]
+        return moment
+
+    @cached_property
+    def cosine(self) -> Array:
+        """Absolute cosines of the angles between the lines, shape (n, n)."""
+        cosine: Array = np.abs(self.direction @ self.direction.T)
+        return cosine
 
     def to_scene(self, points: Array) -> Array:
         """Return points [m] of any leading shape (..., 3) in scene coordinates."""
@@ -100,5 +112,8 @@ def scene_coordinates(direction: Array, foot: Array) -> tuple[Array, Array, Arra
     center = mean[:, 0] + to_center[..., 0]
     length = np.sqrt((relative * relative).sum(axis=2)).sum(axis=1) / n
     smallest = CONCURRENCY_TOLERANCE * np.sqrt((center * center).sum(axis=1))
-    length = np.where(length <= np.maximum(smallest, _SMALLEST_LENGTH), 0.0, length)
-    return center, length, relative / np.where(length > 0.0, length, 1.0)[:, np.newaxis, np.newaxis]
+    concurrent = length <= np.maximum(smallest, _SMALLEST_LENGTH)
+    length[concurrent] = 1.0
+    relative /= length[:, np.newaxis, np.newaxis]
+    length[concurrent] = 0.0
+    return center, length, relative

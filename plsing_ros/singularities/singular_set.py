@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,8 +17,7 @@ from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, 
 from plsing_ros.singularities.isolated_points import ComplexArray
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LineAndPointTable, LocusDistance
 from plsing_ros.singularities.lost_motion import LostMotion, lost_motions
-from plsing_ros.singularities.many_lines import isolated_points_of_many
-from plsing_ros.singularities.residual import cross
+from plsing_ros.singularities.many_lines import best_subsets, isolated_points_of_many
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.surfaces import Surface, three_line_cubic, transversal_surfaces
@@ -30,6 +30,23 @@ from plsing_ros.singularities.transversals import (
     named_transversals,
     nearest_transversal,
     order_of_loci,
+)
+
+# Four-line subsets of more lines that are tried for a proof; a point can be a singular solution for some of them.
+_CERTIFIED_SUBSETS = 3
+_NO_PROOFS = "No proofs were asked for."
+_NOT_CERTIFIED = (
+    "Nothing was certified: the singular set of fewer than four different lines consists of surfaces, given by their "
+    "polynomials, and that a scene is singular everywhere is decided at the tolerance in docs/theory.md."
+)
+_OF_FOUR = (
+    "Each certificate that is proved encloses one true transversal or isolated point of the four lines; that there are "
+    "no others is not proved."
+)
+_OF_MANY = (
+    "Each certificate that is proved encloses one true transversal or isolated point of the four lines it names. That "
+    "the other lines agree is measured by the residual and not proved: all lines together give more equations than "
+    "unknowns."
 )
 
 
@@ -52,7 +69,8 @@ class SingularSet:
         singular_everywhere: Whether every camera centre is singular.
         description: What was found, in words.
         frame: The scene coordinates everything was computed in.
-        certificates: Proofs, if they were asked for.
+        certificates: Proofs, if they were asked for, one for each transversal, real point and conjugate pair.
+        certification: What certificates prove and what they do not, as a sentence.
     """
 
     lines: LineSet
@@ -70,27 +88,31 @@ class SingularSet:
     description: str
     frame: SceneFrame
     certificates: tuple[Certificate, ...] = ()
-    locus_names: tuple[str, ...] = field(init=False)
-    locus_kinds: tuple[Kind, ...] = field(init=False)
-    _table: LineAndPointTable = field(init=False, repr=False)
+    certification: str = _NO_PROOFS
 
-    def __post_init__(self) -> None:
-        k = len(self.isolated_points)
+    @cached_property
+    def locus_names(self) -> tuple[str, ...]:
+        """Names of the transversals, isolated points, observed lines and surfaces, in this order."""
         names = [transversal.name for transversal in self.transversals]
-        names += [f"isolated point {i}" for i in range(1, k + 1)]
+        names += [f"isolated point {i}" for i in range(1, len(self.isolated_points) + 1)]
         names += [f"line {i}" for i in self.lines.ids]
-        names += [surface.name for surface in self.surfaces]
-        kinds = [Kind.TRANSVERSAL] * len(self.transversals) + [Kind.ISOLATED_POINT] * k
-        kinds += [Kind.OBSERVED_LINE] * len(self.lines) + [surface.kind for surface in self.surfaces]
+        return (*names, *(surface.name for surface in self.surfaces))
+
+    @cached_property
+    def locus_kinds(self) -> tuple[Kind, ...]:
+        """What each of locus_names is."""
+        kinds = [Kind.TRANSVERSAL] * len(self.transversals) + [Kind.ISOLATED_POINT] * len(self.isolated_points)
+        kinds += [Kind.OBSERVED_LINE] * len(self.lines)
+        return (*kinds, *(surface.kind for surface in self.surfaces))
+
+    @cached_property
+    def _table(self) -> LineAndPointTable:
         single = self.transversals
         point = [np.array([t.point for t in single])] if single else []
         direction = [np.array([t.direction for t in single])] if single else []
-        point += [self.isolated_points, cross(self.lines.direction, self.lines.moment)]
-        direction += [np.zeros((k, 3)), self.lines.direction]
-        table = LineAndPointTable(np.concatenate(point), np.concatenate(direction))
-        object.__setattr__(self, "locus_names", tuple(names))
-        object.__setattr__(self, "locus_kinds", tuple(kinds))
-        object.__setattr__(self, "_table", table)
+        point += [self.isolated_points, self.lines.point]
+        direction += [np.zeros_like(self.isolated_points), self.lines.direction]
+        return LineAndPointTable(np.concatenate(point), np.concatenate(direction))
 
     def distance_arrays(self, camera_center: npt.ArrayLike) -> DistanceArrays:
         """Return the distances to all parts of the set in the order of locus_names; for every control cycle.
@@ -145,9 +167,10 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
 
     Args:
         lines: n >= 1 lines in any frame that is fixed to them.
-        certify: Also prove, in interval arithmetic, that a true transversal or isolated point is near each one found;
-            for four distinct lines, where the equations are as many as the unknowns. Takes about a second and needs
-            mpmath.
+        certify: Also prove, in interval arithmetic, that a true transversal or isolated point is near each one found.
+            For more than four distinct lines the proof is about four of them (Certificate.lines), since all of them
+            give more equations than unknowns; fewer have surfaces only. SingularSet.certification says which it is.
+            Takes about a second for four lines and needs mpmath.
 
     Source: sections "Singularities in P4L" and "P5L"; the isolated points are new (docs/theory.md).
     """
@@ -155,7 +178,7 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
     rows = distinct_rows(frame)
     reason = singular_everywhere_reason(frame, len(rows))
     if reason is not None:
-        return _assembled(
+        everywhere = _assembled(
             lines,
             frame,
             Case.SINGULAR_EVERYWHERE,
@@ -164,10 +187,11 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
             no_points(IsolatedStatus.EVERYWHERE),
             reason,
         )
+        return replace(everywhere, certification=_NOT_CERTIFIED) if certify else everywhere
     reduced = frame if len(rows) == len(lines) else SceneFrame.of(lines.select(rows))
     analysis = analyze_transversals(reduced)
     surfaces = transversal_surfaces(reduced, analysis)
-    case = classify(reduced.direction, analysis.family)
+    case = classify(reduced, analysis.family)
     if len(rows) == 3:
         cubic = three_line_cubic(reduced)
         surfaces += (cubic,) if cubic is not None else ()
@@ -177,22 +201,38 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
     else:
         isolated = isolated_points_of_many(reduced, analysis)
     found = _assembled(lines, reduced, case, analysis, surfaces, isolated)
-    return (
-        replace(found, certificates=_certificates(found, lines.select(rows))) if certify and len(rows) == 4 else found
-    )
+    return _certified(found, lines.select(rows)) if certify else found
 
 
-def _certificates(found: SingularSet, distinct: LineSet) -> tuple[Certificate, ...]:
-    """Return a certificate for each transversal, real point and pair of complex points of four distinct lines."""
-    frame, k = found.frame, len(found.isolated_points)
-    proofs = [certify_transversal(distinct, frame, t.point, t.direction, t.name) for t in found.transversals]
+def _certified(found: SingularSet, distinct: LineSet) -> SingularSet:
+    """Return a singular set with certificates for its transversals, real points and pairs of complex points."""
+    n = len(distinct)
+    if n < 4:
+        return replace(found, certification=_NOT_CERTIFIED)
+    subsets = best_subsets(found.frame)[:_CERTIFIED_SUBSETS] if n > 4 else np.arange(4)[np.newaxis]
+    fours = [(four, SceneFrame.of(four)) for four in (distinct.select(rows) for rows in subsets)]
+    proofs = [
+        _first_proved(certify_transversal(*four, t.point, t.direction, t.name) for four in fours)
+        for t in found.transversals
+    ]
     for i in range(len(found.isolated_points_complex)):
         center = found.isolated_points_complex[i, :]
-        if i < k:
-            proofs.append(certify_isolated_point(distinct, frame, center, f"isolated point {i + 1}"))
+        if i < len(found.isolated_points):
+            name = f"isolated point {i + 1}"
         elif center[np.argmax(np.abs(center.imag))].imag > 0.0:
-            proofs.append(certify_isolated_point(distinct, frame, center, f"complex point {i + 1} and its conjugate"))
-    return tuple(proofs)
+            name = f"complex point {i + 1} and its conjugate"
+        else:
+            continue
+        proofs.append(_first_proved(certify_isolated_point(*four, center, name) for four in fours))
+    return replace(found, certificates=tuple(proofs), certification=_OF_FOUR if n == 4 else _OF_MANY)
+
+
+def _first_proved(attempts: Iterable[Certificate]) -> Certificate:
+    """Return the first success, or the last failure."""
+    for attempt in attempts:
+        if attempt.proved:
+            break
+    return attempt
 
 
 def _assembled(
@@ -205,8 +245,8 @@ def _assembled(
     reason: str = "",
 ) -> SingularSet:
     """Name and order everything that was found, and turn scene coordinates into those of the lines."""
-    real = np.flatnonzero(isolated.real)
-    real = real[order_of_loci(isolated.center[real].real)]
+    rows = np.flatnonzero(isolated.real)
+    real = rows[order_of_loci(isolated.center[rows].real)]
     order = np.concatenate([real, np.flatnonzero(~isolated.real)])
     points: ComplexArray = isolated.center[order] * frame.length + frame.center
     residuals = isolated.residual[order]

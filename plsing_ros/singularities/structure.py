@@ -4,34 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from plsing_ros.arrays import Array
-from plsing_ros.singularities.residual import cross
+from plsing_ros.arrays import cross
 from plsing_ros.singularities.scene_frame import SceneFrame
 
 # Unit directions and scene coordinates that differ by less than this are equal.
 TOLERANCE = 1e-9
 
+# Absolute cosine of directions a thousandth of a radian apart.
+_NOT_NEARLY_PARALLEL = 1.0 - 5e-7
+
 
 def distinct_rows(frame: SceneFrame) -> list[int]:
     """Return the rows of the lines without those that repeat an earlier one, with either orientation."""
-    cosine = frame.direction @ frame.direction.T
-    n = len(cosine)
+    n = len(frame.direction)
     # No two directions within a thousandth of a radian: nothing to look at more closely.
-    if n < 2 or float((np.abs(cosine) - np.eye(n)).max()) < 1.0 - 5e-7:
+    if int((frame.cosine > _NOT_NEARLY_PARALLEL).sum()) == n:
         return list(range(n))
     kept: list[int] = []
     for row in range(n):
-        sign = np.sign(cosine[row, kept])[:, np.newaxis]
+        sign = np.sign(frame.direction[kept] @ frame.direction[row])[:, np.newaxis]
         turned = np.abs(frame.direction[row] - sign * frame.direction[kept]).max(axis=1)
-        apart = np.abs(_foot_difference(frame, row, kept)).max(axis=1)
+        apart = np.abs(frame.point[row] - frame.point[kept]).max(axis=1)
         if not ((turned <= TOLERANCE) & (apart <= TOLERANCE)).any():
             kept.append(row)
     return kept
-
-
-def _foot_difference(frame: SceneFrame, row: int, others: list[int]) -> Array:
-    difference: Array = frame.point[row] - frame.point[others]
-    return difference
 
 
 def singular_everywhere_reason(frame: SceneFrame, distinct: int) -> str | None:
@@ -51,7 +47,8 @@ def singular_everywhere_reason(frame: SceneFrame, distinct: int) -> str | None:
             "lost everywhere"
         )
     first = frame.direction[0]
-    if float(np.abs(cross(frame.direction[1:], first)).max()) <= TOLERANCE:
+    parallel = frame.cosine[0].min() > _NOT_NEARLY_PARALLEL
+    if parallel and float(np.abs(cross(frame.direction[1:], first)).max()) <= TOLERANCE:
         direction = ", ".join(f"{value:.6g}" for value in first)
         return f"all lines are parallel: translation along their direction ({direction}) is lost everywhere"
     if frame.concurrent:

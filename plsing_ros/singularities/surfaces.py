@@ -9,7 +9,8 @@ from itertools import combinations_with_replacement
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array
+from plsing_ros.arrays import Array, checked_array, cross
+from plsing_ros.singularities.kernel_pencil import minus_skew
 from plsing_ros.singularities.loci import Kind
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.transversals import TransversalAnalysis, TransversalFamily
@@ -156,8 +157,8 @@ def three_line_quadric(frame: SceneFrame, name: str = "quadric") -> Surface | No
     """
     # f = u x (M - C).
     forms = np.empty((3, 3, 4))
-    forms[:, :, 0] = np.cross(frame.direction[:3], frame.point[:3])
-    forms[:, :, 1:] = -_skew(frame.direction[:3])
+    forms[:, :, 0] = cross(frame.direction[:3], frame.point[:3])
+    forms[:, :, 1:] = minus_skew(frame.direction[:3])
     return _surface(Kind.QUADRIC, name, frame, forms)
 
 
@@ -212,9 +213,3 @@ def _symmetric(tensor: Array) -> Array:
 def _normalized(tensor: Array) -> Array:
     normalized: Array = tensor / tensor.ravel()[np.argmax(np.abs(tensor))]
     return normalized
-
-
-def _skew(vectors: Array) -> Array:
-    """Return the matrices of b -> a x b for the rows a, shape (n, 3, 3)."""
-    matrices: Array = np.einsum("aib,ni->nab", _LEVI_CIVITA, vectors)
-    return matrices

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from plsing_ros.arrays import Array
-from plsing_ros.singularities.residual import cross, singularity_residuals
+from plsing_ros.arrays import Array, cross
+from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 
 # Everything here is of order one in the scene frame; what is below this is zero. Rounded coordinates leave 1e-15, and
@@ -96,6 +97,9 @@ _PLACES = np.array([[1.0], [-1.618]])
 # Relative difference of distances to the scene's centre up to which two loci are ordered by their coordinates.
 _TIE = 1e-5
 
+# The quadratic form t . _KLEIN t / 2 = d . m of t = (d, m).
+_KLEIN = np.eye(6)[[3, 4, 5, 0, 1, 2]]
+
 _NO_LINES = np.zeros((0, 6))
 _NO_PLANES = np.zeros((0, 4))
 
@@ -111,8 +115,7 @@ def analyze_transversals(frame: SceneFrame, tolerance: float = TOLERANCE) -> Tra
     Source: eq. discr and section "Analysis of the variety V(G)" for n = 4 and 5; the cases by the rank of d . m on the
     null space are new, docs/theory.md section "Transversals".
     """
-    rows = np.concatenate([frame.moment, frame.direction], axis=1)
-    _, singular_values, right = np.linalg.svd(rows)
+    _, singular_values, right = np.linalg.svd(frame.plucker_matrix)
     dimension = 6 - int((singular_values > tolerance * singular_values[0]).sum())
     null = right[6 - dimension :]
     form = _klein_form(null)
@@ -132,14 +135,18 @@ def analyze_transversals(frame: SceneFrame, tolerance: float = TOLERANCE) -> Tra
 
 def named_transversals(analysis: TransversalAnalysis, frame: SceneFrame) -> tuple[Transversal, ...]:
     """Return the finite single transversals in the frame of the lines, closest to the scene's centre first."""
-    length = np.sqrt((analysis.lines[:, :3] ** 2).sum(axis=1, keepdims=True))
-    finite = length[:, 0] > TOLERANCE
-    if not finite.any():
-        return ()
-    line, length = analysis.lines[finite], length[finite]
-    direction = line[:, :3] / length
-    direction *= np.where((direction * direction).max(axis=1) == direction.max(axis=1) ** 2, 1.0, -1.0)[:, np.newaxis]
-    foot: Array = np.asarray(cross(line[:, :3], line[:, 3:]) / length**2, dtype=np.float64)
+    line = analysis.lines
+    length = np.sqrt((line[:, :3] ** 2).sum(axis=1, keepdims=True))
+    if len(line) == 0 or length.min() <= TOLERANCE:
+        finite = length[:, 0] > TOLERANCE
+        if not finite.any():
+            return ()
+        line, length = line[finite], length[finite]
+    # (d, m) for a unit direction d whose largest component is positive.
+    sign = np.array([[1.0] if max(d, key=abs) > 0.0 else [-1.0] for d in line[:, :3].tolist()])
+    line = line * (sign / length)
+    direction = line[:, :3]
+    foot = cross(direction, line[:, 3:])
     residual = _residual_along(frame, foot, direction).tolist()
     point = frame.from_scene(foot)
     return tuple(
@@ -159,30 +166,42 @@ def nearest_transversal(frame: SceneFrame) -> NearestTransversal:
 
     Source: new, docs/theory.md section "The nearest transversal".
     """
-    rows = np.concatenate([frame.moment, frame.direction], axis=1)
+    rows = frame.plucker_matrix
     _, _, right = np.linalg.svd(rows)
     starts = [*_of_pencil(right[-2:], _klein_form(right[-2:]), TOLERANCE).lines, *right[::-1]]
     line = min((_descended(rows, start) for start in starts), key=lambda t: float(np.linalg.norm(rows @ t)))
     direction = line[:3]
     foot = cross(direction, line[3:])
-    crossing = np.cross(direction, frame.direction)
+    crossing = cross(direction, frame.direction)
     sine = np.linalg.norm(crossing, axis=1)
     parallel = sine <= TOLERANCE
-    apart = np.linalg.norm(np.cross(frame.point - foot, direction), axis=1)
+    apart = np.linalg.norm(cross(frame.point - foot, direction), axis=1)
     miss = np.where(parallel, apart, np.abs(rows @ line) / np.where(parallel, 1.0, sine))
     residual = _residual_along(frame, foot[np.newaxis], direction[np.newaxis])[0]
     return NearestTransversal(frame.from_scene(foot), direction, float(residual), miss * frame.length)
 
 
 def _descended(rows: Array, start: Array) -> Array:
-    """Return the local minimum of |rows @ t| over finite lines t = (d, m), |d| = 1, by Gauss-Newton."""
+    """Return the local minimum of |rows @ t| over finite lines t = (d, m), |d| = 1, from a start.
+
+    Newton's method on the Lagrangian, with the absolute values of the curvatures so that every step goes down. Without
+    the curvature of the constraints it would creep where no line comes near to meeting all observed ones.
+    """
     line = _as_line(start)
     value = float(np.linalg.norm(rows @ line))
+    square = rows.T @ rows
     for _ in range(50):
         d, m = line[:3], line[3:]
         constraints = np.array([[*d, 0.0, 0.0, 0.0], [*m, *d]])
+        slope = rows.T @ (rows @ line)
+        of_length, of_product = np.linalg.lstsq(constraints.T, slope, rcond=None)[0]
+        hessian = square - of_product * _KLEIN
+        hessian[:3, :3] -= of_length * np.eye(3)
         tangent = np.linalg.svd(constraints)[2][2:].T
-        step = tangent @ np.linalg.lstsq(rows @ tangent, -(rows @ line), rcond=1e-12)[0]
+        curvature, way = np.linalg.eigh(tangent.T @ hessian @ tangent)
+        way = tangent @ way
+        size = np.abs(curvature)
+        step = -way @ ((way.T @ slope) / np.maximum(size, 1e-12 * max(float(size.max()), 1e-300)))
         scale = 1.0
         while scale > 1e-4:
             trial = _as_line(line + scale * step)
@@ -237,7 +256,7 @@ def order_of_loci(point: Array, direction: Array | None = None) -> list[int]:
         point: Their points closest to the centre, scene coordinates, shape (k, 3).
         direction: Their directions, if they are lines, shape (k, 3).
     """
-    distance = np.sqrt((point * point).sum(axis=1)).tolist()
+    distance = [math.hypot(*row) for row in point.tolist()]
     order = sorted(range(len(distance)), key=distance.__getitem__)
     if all(distance[j] - distance[i] > _TIE * distance[j] for i, j in pairwise(order)):
         return order
@@ -257,12 +276,12 @@ def _of_pencil(null: Array, form: Array, tolerance: float) -> TransversalAnalysi
     if discriminant < -margin:
         return TransversalAnalysis(TransversalFamily.COMPLEX_PAIR, 2, discriminant, _NO_LINES, _NO_PLANES)
     if discriminant <= margin:
-        root = np.array([[-b, a]] if abs(a) >= abs(c) else [[c, -b]])
-        return TransversalAnalysis(TransversalFamily.DOUBLE, 2, discriminant, _unit_rows(root @ null), _NO_PLANES)
+        root = [(-b, a)] if abs(a) >= abs(c) else [(c, -b)]
+        return TransversalAnalysis(TransversalFamily.DOUBLE, 2, discriminant, _combined(root, null), _NO_PLANES)
     # The root without cancellation first; the other from the product of the two.
-    q = -(b + np.copysign(np.sqrt(discriminant), b))
-    roots = np.array([[q, a], [c, q]])
-    return TransversalAnalysis(TransversalFamily.TWO, 2, discriminant, _unit_rows(roots @ null), _NO_PLANES)
+    q = -(b + math.copysign(math.sqrt(discriminant), b))
+    roots = [(q, a), (c, q)]
+    return TransversalAnalysis(TransversalFamily.TWO, 2, discriminant, _combined(roots, null), _NO_PLANES)
 
 
 def _of_net(null: Array, form: Array, tolerance: float) -> TransversalAnalysis:
@@ -281,9 +300,7 @@ def _of_net(null: Array, form: Array, tolerance: float) -> TransversalAnalysis:
     order = np.argsort(-np.abs(value))
     first, second = (np.sqrt(np.abs(value[i])) * vector[:, i] for i in order[:2])
     if rank == 2 and value[order[0]] * value[order[1]] > 0.0:
-        return TransversalAnalysis(
-            TransversalFamily.ONE, 3, None, _unit_rows(vector[:, order[2:]].T @ null), _NO_PLANES
-        )
+        return TransversalAnalysis(TransversalFamily.ONE, 3, None, vector[:, order[2:]].T @ null, _NO_PLANES)
     normals = [first] if rank == 1 else [first + second, first - second]
     planes = np.concatenate([_plane_of(np.linalg.svd(b[np.newaxis, :])[2][1:] @ null) for b in normals])
     family = TransversalFamily.PENCIL if rank == 1 else TransversalFamily.TWO_PENCILS
@@ -308,6 +325,7 @@ def _plane_of(lines: Array) -> Array:
     return plane / normal_length
 
 
-def _unit_rows(rows: Array) -> Array:
-    unit: Array = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    return unit
+def _combined(roots: list[tuple[float, float]], null: Array) -> Array:
+    """Return the unit vectors along x null[0] + y null[1] for roots (x, y), shape (k, 6); null is orthonormal."""
+    lines: Array = np.array([(x / math.hypot(x, y), y / math.hypot(x, y)) for x, y in roots]) @ null
+    return lines

@@ -198,6 +198,43 @@ def test_certificates_prove_points_and_transversals():
     assert singular_set(line_set(PAPER_FOUR)).certificates == ()
 
 
+def test_certificates_of_more_lines_name_the_four_they_are_about():
+    points = [[0, 0, i] for i in range(1, 6)]
+    directions = [[1, i * i - 3, 2 * i] for i in range(1, 6)]
+    certified = singular_set(line_set((points, directions)), certify=True)
+    transversal = next(c for c in certified.certificates if c.name.startswith("transversal"))
+    assert transversal.proved
+    assert len(transversal.lines) == 4
+    assert "not proved: all lines together" in certified.certification
+
+
+def test_certification_says_what_is_not_proved():
+    assert "asked" in FOUND.certification
+    assert "no others is not proved" in singular_set(line_set(PAPER_FOUR), certify=True).certification
+    for count in (2, 3):
+        few = [rows[:count] for rows in PAPER_FOUR]
+        found = singular_set(line_set(few), certify=True)
+        assert found.certificates == ()
+        assert found.certification.startswith("Nothing was certified")
+
+
+def test_nearest_transversal_where_no_line_comes_near():
+    # Gauss-Newton stalls here at 0.2900.
+    points = [[0, 0, 1], [0, 0, 0], [-1, -0.5, 0.5], [0.5, 0, -0.5], [2, 1, 2]]
+    directions = [[0, 1, 0], [1, 0, 0], [0, 1, 1], [1, 0, 1], [-1, 0, 1]]
+    found = singular_set(line_set((points, directions)))
+    starts = np.random.default_rng(1).normal(size=(20, 6))
+    rows = found.frame.plucker_matrix
+
+    def cost(x):
+        direction = x[:3] / np.linalg.norm(x[:3])
+        return np.linalg.norm(rows @ np.concatenate([direction, np.cross(x[3:], direction)]))
+
+    nearest = found.nearest_transversal
+    own = cost(np.concatenate([nearest.direction, found.frame.to_scene(nearest.point)]))
+    assert own <= min(minimize(cost, start).fun for start in starts) + 1e-9
+
+
 def test_a_wrong_point_is_not_certified():
     from plsing_ros.singularities.certificate import certify_isolated_point, certify_transversal
 
