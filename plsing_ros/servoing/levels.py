@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
 from dataclasses import dataclass
+
+# Where no exit threshold is given: this times the enter threshold.
+DEFAULT_EXIT = 1.2
 
 
 class Level(enum.IntEnum):
@@ -15,54 +17,105 @@ class Level(enum.IntEnum):
     CRITICAL = 2
     STALE = 3
     UNOBSERVABLE = 4
+    DISABLED = 5
 
 
 @dataclass(frozen=True)
-class Indicator:
-    """One number that is the worse the smaller it is, with its thresholds.
+class Thresholds:
+    """Where a number that is the worse the smaller it is becomes a concern, and where it stops being one.
 
     Attributes:
-        value: The number, >= 0.
-        warn: WARN below this; 0 switches it off.
-        critical: CRITICAL below this; 0 switches it off.
-        text: The number in words, for the reason: "inverse condition number 9.1e-05".
-        unit: Unit of the thresholds, for the reason.
+        warn: WARN is entered below this; 0 switches it off.
+        warn_exit: WARN is left at or above this, >= warn; 0 stands for DEFAULT_EXIT times warn.
+        critical: CRITICAL is entered below this; 0 switches it off.
+        critical_exit: CRITICAL is left at or above this, >= critical; 0 likewise.
     """
 
-    value: float
     warn: float
     critical: float
-    text: str
-    unit: str = ""
+    warn_exit: float = 0.0
+    critical_exit: float = 0.0
 
-    def judged(self, hysteresis: float, previous: Level) -> tuple[Level, str]:
-        """Return the level and why.
+    def times(self, factor: float) -> Thresholds:
+        """Return all thresholds times a factor > 0."""
+        return Thresholds(
+            self.warn * factor, self.critical * factor, self.warn_exit * factor, self.critical_exit * factor
+        )
 
-        A level that was in force before is left only when the value is better than its threshold by the factor
-        hysteresis, so that a value at a threshold does not switch it at every cycle.
-        """
-        for level, threshold in ((Level.CRITICAL, self.critical), (Level.WARN, self.warn)):
-            held = previous in (Level.WARN, Level.CRITICAL) and previous >= level
-            limit = threshold * hysteresis if held else threshold
-            if self.value < limit:
-                where = f"below {threshold:.4g}{self.unit}"
-                if self.value >= threshold:
-                    where = f"not yet {hysteresis:g} times better than {threshold:.4g}{self.unit}"
-                return level, f"{self.text} is {where}"
-        return Level.OK, ""
+    def entered(self, value: float) -> Level:
+        """Return the level that a value enters by itself."""
+        if value < self.critical:
+            return Level.CRITICAL
+        return Level.WARN if value < self.warn else Level.OK
+
+    def kept(self, value: float, level: Level) -> Level:
+        """Return the worst level, up to the given one, that a value is too small to leave."""
+        if level == Level.CRITICAL and value < (self.critical_exit or DEFAULT_EXIT * self.critical):
+            return Level.CRITICAL
+        if level >= Level.WARN and value < (self.warn_exit or DEFAULT_EXIT * self.warn):
+            return Level.WARN
+        return Level.OK
 
 
-def worst(
-    indicators: Sequence[Indicator], hysteresis: float, previous: Sequence[Level]
-) -> tuple[Level, str, list[Level]]:
-    """Return the worst level, every reason for it, and the level of each indicator.
+@dataclass(frozen=True)
+class Debounce:
+    """How many cycles in a row a change must last.
 
-    Args:
-        indicators: The numbers to judge.
-        hysteresis: Factor >= 1, see Indicator.judged.
-        previous: Level of each indicator one cycle before.
+    Attributes:
+        to_raise: Cycles below an enter threshold before the level is raised.
+        to_lower: Cycles at or above an exit threshold before the level is lowered.
     """
-    judged = [indicator.judged(hysteresis, before) for indicator, before in zip(indicators, previous, strict=True)]
-    level = max((each for each, _ in judged), default=Level.OK)
-    reason = "; ".join(text for each, text in judged if each == level and text)
-    return level, reason, [each for each, _ in judged]
+
+    to_raise: int = 1
+    to_lower: int = 1
+
+
+class Latch:
+    """The level of one number, with hysteresis and debounce.
+
+    The first number counts at once: there is nothing yet that it could chatter against.
+    """
+
+    def __init__(self) -> None:
+        self._level: Level | None = None
+        self._better: Level = Level.OK
+        self._raising = 0
+        self._lowering = 0
+
+    @property
+    def level(self) -> Level:
+        """The level in force; OK before the first number."""
+        return Level.OK if self._level is None else self._level
+
+    def update(self, value: float, thresholds: Thresholds, debounce: Debounce) -> Level:
+        """Return the level after one more number."""
+        entered = thresholds.entered(value)
+        if self._level is None:
+            self._level = entered
+            return entered
+        kept = max(entered, thresholds.kept(value, self._level))
+        if entered > self._level:
+            self._raising, self._lowering = self._raising + 1, 0
+            if self._raising >= debounce.to_raise:
+                self._level, self._raising = entered, 0
+        elif kept < self._level:
+            # The worst level of the whole wait: a single good number does not decide how far down to go.
+            self._better = max(kept, self._better) if self._lowering else kept
+            self._raising, self._lowering = 0, self._lowering + 1
+            if self._lowering >= debounce.to_lower:
+                self._level, self._lowering = self._better, 0
+        else:
+            self._raising = self._lowering = 0
+        return self._level
+
+
+def threshold_text(value: float, thresholds: Thresholds, level: Level, unit: str = "") -> str:
+    """Return how a value stands to the threshold of the level in force, in words: "below 0.001"."""
+    threshold = thresholds.critical if level == Level.CRITICAL else thresholds.warn
+    leaving = thresholds.critical_exit if level == Level.CRITICAL else thresholds.warn_exit
+    if value < threshold:
+        return f"below {threshold:.4g}{unit}"
+    leaving = leaving or DEFAULT_EXIT * threshold
+    if value < leaving:
+        return f"not yet above {leaving:.4g}{unit}"
+    return f"not above {leaving:.4g}{unit} for long enough yet"
