@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
-from plsing_msgs.msg import ControllerState, SingularityAlert, SingularityStatus
 from rclpy.qos import QoSProfile
 
+from plsing_msgs.msg import ControllerState, SingularityAlert, SingularityStatus
 from plsing_ros.errors import PlsingError
 from plsing_ros.experiments.run_record import Alert, RunRecord
 from plsing_ros.nodes import qos

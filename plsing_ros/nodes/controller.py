@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
-from plsing_msgs.msg import ControllerState, LineFeatureArray
 from std_srvs.srv import SetBool
 
+from plsing_msgs.msg import ControllerState, LineFeatureArray
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
@@ -17,10 +19,19 @@ from plsing_ros.nodes.conversions import (
     observation_from_message,
     twist_stamped,
 )
+from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.line_servo import Command, LineServo, Mode
+
+_DIAGNOSTIC_LEVELS = {
+    Mode.WAITING: DiagnosticStatus.STALE,
+    Mode.SERVOING: DiagnosticStatus.OK,
+    Mode.CONVERGED: DiagnosticStatus.OK,
+    Mode.HALTED: DiagnosticStatus.ERROR,
+    Mode.DISABLED: DiagnosticStatus.OK,
+}
 
 
 class Controller(ParameterizedNode[ControllerParameters]):
@@ -33,12 +44,13 @@ class Controller(ParameterizedNode[ControllerParameters]):
         except PlsingError:
             self.destroy_node()
             raise
-        self._reported: Mode | None = None
         self._twist = self.publish_on(TwistStamped, "cmd_twist", qos.COMMAND)
         self._state = self.publish_on(ControllerState, "~/state", qos.STATUS)
         self.listen_to(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         if self.parameters.target_source == "topic":
             self.listen_to(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
+        self._latest: Command | None = None
+        self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.create_service(SetBool, "~/enable", self._on_enable)
         self.every(self.parameters.watchdog_period, self._on_watchdog)
 
@@ -58,6 +70,7 @@ class Controller(ParameterizedNode[ControllerParameters]):
         except PlsingError as error:
             command = self._servo.halt(str(error))
         self._command(command, stamp)
+        self._diagnostics.count(stamp)
 
     def _on_desired(self, message: LineFeatureArray) -> None:
         try:
@@ -81,9 +94,22 @@ class Controller(ParameterizedNode[ControllerParameters]):
         if command.mode is not Mode.WAITING:
             self._twist.publish(twist_stamped(command.twist, head))
         self._state.publish(controller_state_message(command, head))
-        if command.mode is not self._reported:
-            self._reported = command.mode
+        previous, self._latest = self._latest, command
+        if previous is None or command.mode is not previous.mode:
             self.report(f"{command.mode.name}  {command.reason}".strip(), good=command.mode is not Mode.HALTED)
+
+    def _report_diagnostics(self) -> tuple[bytes, str, Mapping[str, str]]:
+        latest = self._latest
+        if latest is None:
+            return DiagnosticStatus.STALE, "no features received yet", {}
+        return (
+            _DIAGNOSTIC_LEVELS[latest.mode],
+            f"{latest.mode.name} {latest.reason}".strip(),
+            {
+                "error norm": f"{latest.error_norm:.4g}",
+                "inverse condition number": f"{latest.inverse_condition_number:.4g}",
+            },
+        )
 
 
 _EXAMPLES = """examples:

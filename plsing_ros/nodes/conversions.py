@@ -6,7 +6,10 @@ import array
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, PoseWithCovarianceStamped, Twist, TwistStamped
+from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
+from geometry_msgs.msg import Pose as PoseMessage
+from std_msgs.msg import Header
+
 from plsing_msgs.msg import (
     ControllerState,
     LineFeatureArray,
@@ -15,8 +18,6 @@ from plsing_msgs.msg import (
     SingularLoci,
 )
 from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
-from std_msgs.msg import Header
-
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import LineObservation
@@ -162,11 +163,22 @@ def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str) -> 
     Raises:
         GeometryError: If a value is not finite, the quaternion is not of unit length, or the frame is another one.
     """
-    if message.header.frame_id != frame:
-        raise GeometryError(
-            f"camera_pose is in frame '{message.header.frame_id}', expected '{frame}' (parameter scene_frame)"
-        )
-    position, q = message.pose.pose.position, message.pose.pose.orientation
+    return _pose("camera_pose", message.header.frame_id, message.pose.pose, frame)
+
+
+def pose_from_message(message: PoseStamped, frame: str) -> Pose:
+    """Return T_world_camera of a request; an empty frame means the scene's.
+
+    Raises:
+        GeometryError: As for camera_pose_from_message.
+    """
+    return _pose("the pose", message.header.frame_id or frame, message.pose, frame)
+
+
+def _pose(what: str, given_frame: str, pose: PoseMessage, frame: str) -> Pose:
+    if given_frame != frame:
+        raise GeometryError(f"{what} is in frame '{given_frame}', expected '{frame}' (parameter scene_frame)")
+    position, q = pose.position, pose.orientation
     return Pose.from_quaternion([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])
 
 
@@ -196,7 +208,21 @@ def status_message(assessment: Assessment, found: SingularSet, frame: str) -> Si
         reason=assessment.reason,
         line_count=assessment.line_count,
         nearest=locus_distance_message(assessment.nearest),
+        trend=int(assessment.trend),
+        position_source=assessment.position_source,
+        lost_motion_text=assessment.lost_motion_text,
     )
+    if assessment.goal_inverse_condition_number is not None:
+        message.goal_valid = True
+        message.goal_inverse_condition_number = assessment.goal_inverse_condition_number
+    if assessment.time_to_critical is not None:
+        message.time_to_critical_valid = True
+        message.time_to_critical = assessment.time_to_critical
+    if assessment.approach is not None:
+        message.approach_valid = True
+        message.approach_locus = assessment.approach.name
+        message.approach_distance = assessment.approach.distance
+        message.time_to_approach = assessment.approach.time
     numbers = assessment.conditioning
     if numbers is not None:
         message.inverse_condition_number = numbers.inverse_condition_number

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
-from plsing_msgs.msg import LineFeatureArray, SimulatorState, SingularityStatus
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
+from plsing_msgs.msg import LineFeatureArray, SimulatorState, SingularityStatus
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
@@ -21,6 +23,7 @@ from plsing_ros.nodes.conversions import (
     twist_from_message,
     twist_message,
 )
+from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import SimulatorParameters
@@ -42,6 +45,7 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
             self.create_publisher(Clock, "/clock", qos.CLOCK) if self._lockstep and parameters.publish_clock else None
         )
         self.listen_to(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND)
+        self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.create_service(Trigger, "~/reset", self._on_reset)
         if self._lockstep:
             if parameters.wait_for_status:
@@ -93,6 +97,7 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
             self._clock_topic.publish(Clock(clock=time_message(frame.stamp)))
         in_scene = header(frame.stamp, parameters.scene_frame)
         self._pose.publish(camera_pose_message(frame.T_world_camera, in_scene))
+        self._diagnostics.count(frame.stamp)
         self._features.publish(features_message(frame.observation, header(frame.stamp, parameters.camera_frame)))
         self._state.publish(
             SimulatorState(
@@ -104,6 +109,11 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
                 twist=twist_message(np.asarray(frame.twist)),
             )
         )
+
+    def _report_diagnostics(self) -> tuple[bytes, str, Mapping[str, str]]:
+        frame = self._simulation.frame()
+        level = DiagnosticStatus.WARN if frame.reason else DiagnosticStatus.OK
+        return level, frame.reason or "running", {"step": str(frame.step)}
 
 
 _EXAMPLES = """examples:

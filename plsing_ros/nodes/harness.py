@@ -99,8 +99,10 @@ class Harness:
 
     def close(self) -> None:
         """Destroy all nodes and release the domain."""
-        for node in list(self._nodes):
-            self.remove(node)
+        for node in self._nodes:
+            self._executor.remove_node(node)
+            node.destroy_node()
+        self._nodes.clear()
         self._executor.shutdown()
         rclpy.shutdown(context=self.context)
         self._reservation.close()
@@ -140,6 +142,8 @@ class Harness:
         """Destroy a node, as if its process had ended."""
         self._executor.remove_node(node)
         self._nodes.remove(node)
+        # Events that an EventsExecutor has queued already still call back, and must find the node alive.
+        self.spin_for(0.02)
         node.destroy_node()
 
     def collect(self, message_type: type, topic: str, profile: QoSProfile = qos.SENSOR_DATA) -> Collected:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from geometry_msgs.msg import PoseWithCovarianceStamped
-from plsing_msgs.msg import LineFeatureArray, SingularityAlert, SingularityStatus, SingularLoci
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from std_srvs.srv import SetBool
+from visualization_msgs.msg import MarkerArray
 
+from plsing_msgs.msg import LineFeatureArray, SingularityAlert, SingularityStatus, SingularLoci
+from plsing_msgs.srv import CheckPose
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
@@ -16,14 +21,27 @@ from plsing_ros.nodes.conversions import (
     loci_message,
     nanoseconds,
     observation_from_message,
+    pose_from_message,
     status_message,
+    twist_from_message,
 )
+from plsing_ros.nodes.diagnostics import Diagnostics
+from plsing_ros.nodes.markers import CameraMarkers, scene_markers
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.servoing.levels import Level
 from plsing_ros.servoing.singularity_monitor import Assessment
 from plsing_ros.servoing.singularity_monitor import SingularityMonitor as Monitor
+
+_DIAGNOSTIC_LEVELS = {
+    Level.OK: DiagnosticStatus.OK,
+    Level.WARN: DiagnosticStatus.WARN,
+    Level.CRITICAL: DiagnosticStatus.ERROR,
+    Level.STALE: DiagnosticStatus.STALE,
+    Level.UNOBSERVABLE: DiagnosticStatus.ERROR,
+    Level.DISABLED: DiagnosticStatus.OK,
+}
 
 
 class SingularityMonitor(ParameterizedNode[MonitorParameters]):
@@ -36,21 +54,30 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
         except PlsingError:
             self.destroy_node()
             raise
-        self._level: Level | None = None
+        self._latest: Assessment | None = None
+        self._drawn: Assessment | None = None
         self._status = self.publish_on(SingularityStatus, "singularity_status", qos.STATUS)
         self._alerts = self.publish_on(SingularityAlert, "singularity_alerts", qos.LATCHED)
         self._loci = self.publish_on(SingularLoci, "singular_loci", qos.LATCHED)
+        self._scene_markers = self.publish_on(MarkerArray, "singularity_markers", qos.LATCHED)
+        self._camera_markers = self.publish_on(MarkerArray, "camera_markers", qos.LATCHED)
+        self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.listen_to(PoseWithCovarianceStamped, "camera_pose", self._on_pose, qos.SENSOR_DATA)
+        self.listen_to(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND)
+        self.listen_to(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
         self.listen_to(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
+        self.create_service(SetBool, "~/enable", self._on_enable)
+        self.create_service(CheckPose, "~/check_pose", self._on_check_pose)
         self.every(self.parameters.heartbeat_period, self._on_heartbeat)
-        self._publish_loci()
+        self.every(self.parameters.marker_period, self._on_marker_timer)
+        self._publish_scene()
 
     def apply(self, parameters: MonitorParameters) -> None:
         """Use changed parameters from the next features on; a changed scene has its loci computed and published."""
         before = self._monitor.found
         self._monitor.parameters = parameters
         if self._monitor.found is not before:
-            self._publish_loci()
+            self._publish_scene()
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         try:
@@ -61,6 +88,20 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
         else:
             self._monitor.receive_pose(pose, nanoseconds(message.header.stamp))
 
+    def _on_twist(self, message: TwistStamped) -> None:
+        try:
+            twist = twist_from_message(message, self.parameters.camera_frame)
+        except PlsingError as error:
+            self.get_logger().warning(f"cmd_twist not used for prediction: {error}", throttle_duration_sec=1.0)
+        else:
+            self._monitor.receive_twist(twist, nanoseconds(message.header.stamp))
+
+    def _on_desired(self, message: LineFeatureArray) -> None:
+        try:
+            self._monitor.set_goal(observation_from_message(message, self.parameters.camera_frame))
+        except PlsingError as error:
+            self.get_logger().warning(f"desired_line_features not used as the goal: {error}")
+
     def _on_features(self, message: LineFeatureArray) -> None:
         stamp = nanoseconds(message.header.stamp)
         try:
@@ -70,32 +111,79 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
             assessment = self._monitor.unusable(str(error), stamp)
         if assessment is not None:
             self._publish(assessment)
+        self._diagnostics.count(stamp)
 
     def _on_heartbeat(self) -> None:
         assessment = self._monitor.silence(self.now())
         if assessment is not None:
             self._publish(assessment)
 
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._monitor.enabled = request.data
+        response.success, response.message = True, "enabled" if request.data else "disabled: level DISABLED"
+        return response
+
+    def _on_check_pose(self, request: CheckPose.Request, response: CheckPose.Response) -> CheckPose.Response:
+        try:
+            pose = pose_from_message(request.pose, self.parameters.scene_frame)
+            assessment = self._monitor.assess_pose(pose)
+        except PlsingError as error:
+            response.success, response.message = False, str(error)
+        else:
+            response.success, response.message = True, f"{assessment.level.name}: {assessment.reason}"
+            response.status = status_message(assessment, self._monitor.found, self.parameters.camera_frame)
+            response.status.header.stamp = request.pose.header.stamp
+        return response
+
     def _publish(self, assessment: Assessment) -> None:
+        previous, self._latest = self._latest, assessment
         self._status.publish(status_message(assessment, self._monitor.found, self.parameters.camera_frame))
-        if assessment.level is self._level:
+        if previous is not None and previous.level is assessment.level:
             return
-        previous = assessment.level if self._level is None else self._level
-        self._level = assessment.level
-        alert = alert_message(assessment, previous, self.parameters.camera_frame)
+        before = assessment.level if previous is None else previous.level
+        alert = alert_message(assessment, before, self.parameters.camera_frame)
         self._alerts.publish(alert)
         self.report(alert.text, good=assessment.level is Level.OK)
 
-    def _publish_loci(self) -> None:
-        found = self._monitor.found
-        self._loci.publish(loci_message(found, header(self.now(), self.parameters.scene_frame)))
+    def _on_marker_timer(self) -> None:
+        latest = self._latest
+        if latest is None or latest.pose is None or latest is self._drawn:
+            return
+        self._drawn = latest
+        markers = self._camera.markers(
+            latest.pose,
+            latest.level,
+            f"{latest.level.name}: {latest.reason}",
+            latest.conditioning.weakest_motion if latest.conditioning and latest.lost_motion_text else None,
+            header(latest.stamp, self.parameters.scene_frame),
+        )
+        self._camera_markers.publish(markers)
+
+    def _report_diagnostics(self) -> tuple[bytes, str, Mapping[str, str]]:
+        latest = self._latest
+        if latest is None:
+            return DiagnosticStatus.STALE, "no features received yet", {}
+        nearest = "unknown" if latest.nearest is None else f"{latest.nearest.name}, {latest.nearest.distance:.3f} m"
+        return (
+            _DIAGNOSTIC_LEVELS[latest.level],
+            f"{latest.level.name}: {latest.reason}",
+            {"level": latest.level.name, "nearest locus": nearest},
+        )
+
+    def _publish_scene(self) -> None:
+        found, head = self._monitor.found, header(self.now(), self.parameters.scene_frame)
+        self._loci.publish(loci_message(found, head))
+        self._scene_markers.publish(scene_markers(found, head))
+        self._camera = CameraMarkers(found)
         self.get_logger().info(f"singular set of {len(found.lines)} lines: {found.description}")
 
 
 _EXAMPLES = """examples:
   ros2 run plsing_ros singularity_monitor --ros-args --params-file config/paper_p4l.yaml
   ros2 topic echo /singularity_alerts
-  ros2 param set /singularity_monitor warn.distance 0.3
+  ros2 param set /singularity_monitor warn.transversal_distance 0.3
+  ros2 service call /singularity_monitor/check_pose plsing_msgs/srv/CheckPose \\
+    "{pose: {pose: {position: {x: 0.7, y: -4.6, z: 7.8}, orientation: {w: 1.0}}}}"
 
 All parameters with units and ranges: config/singularity_monitor.yaml"""
 

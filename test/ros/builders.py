@@ -5,9 +5,9 @@ import array
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
-from plsing_msgs.msg import LineFeatureArray
 from std_msgs.msg import Header
 
+from plsing_msgs.msg import LineFeatureArray
 from plsing_ros.experiments import near_transversal
 from plsing_ros.experiments.config_files import config_file
 from plsing_ros.features import interaction_matrix, project_lines

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from builders import plain_twist, start_pose
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
-from plsing_msgs.msg import LineFeatureArray
 
+from plsing_msgs.msg import LineFeatureArray
 from plsing_ros.errors import PlsingError
 from plsing_ros.experiments import near_transversal as experiment
 from plsing_ros.nodes.closed_loop import run_closed_loop

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from builders import TARGET, features, plain_twist, start_pose, time_of, twist_values
 from geometry_msgs.msg import TwistStamped
-from plsing_msgs.msg import ControllerState, LineFeatureArray
 from std_srvs.srv import SetBool
 
+from plsing_msgs.msg import ControllerState, LineFeatureArray
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import Controller
 

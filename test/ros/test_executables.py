@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from builders import twist_values
 from geometry_msgs.msg import TwistStamped
-from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus
 
+from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus
 from plsing_ros.experiments.config_files import config_file
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.harness import Harness
@@ -121,7 +121,7 @@ def test_bad_input_is_one_line_and_exit_code_2(start, name, arguments, message):
     assert output.startswith(f"{name}: ")
 
 
-@pytest.mark.parametrize("name", [*NODES, "demo"])
+@pytest.mark.parametrize("name", [*NODES, "demo", "analyze"])
 def test_help_has_examples_and_is_quick_to_tell(start, name):
     process = start(name, "--help")
     assert process.wait(30.0) == 0

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from builders import CAMERA_FRAME, SCENE, start_pose, time_of, twist
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
-from plsing_msgs.msg import LineFeatureArray, SimulatorState
 from rosgraph_msgs.msg import Clock
 from scipy.linalg import expm
 from std_srvs.srv import Trigger
 
+from plsing_msgs.msg import LineFeatureArray, SimulatorState
 from plsing_ros.features import project_lines
 from plsing_ros.geometry import Pose
 from plsing_ros.nodes.feature_simulator import FeatureSimulator

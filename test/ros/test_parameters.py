@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from plsing_msgs.msg import SingularLoci
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
 
+from plsing_msgs.msg import SingularLoci
 from plsing_ros.errors import ParameterError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import Controller
@@ -47,7 +47,7 @@ def test_a_bad_start_is_refused(ros, paper, node, parameters, message):
         (FeatureSimulator, {"mode": "fast"}, "allowed: one of realtime, lockstep"),
         (FeatureSimulator, {"seed": 1.5}, "parameter 'seed' is 1.5; it must be a whole number"),
         (FeatureSimulator, {"time_step": 0.0}, "allowed: 0.0001 to 10 s"),
-        (SingularityMonitor, {"warn.distance": 0.01}, "below 'critical.distance' = 0.02"),
+        (SingularityMonitor, {"warn.transversal_distance": 0.01}, "below 'critical.transversal_distance' = 0.02"),
     ],
 )
 def test_values_out_of_range_are_refused(ros, paper, node, parameters, message):
@@ -96,20 +96,22 @@ def set_live(ros, node, **values):
 
 def test_live_changes_are_taken_or_refused_as_a_whole(ros, paper):
     node = ros.add(SingularityMonitor, paper)
-    assert set_live(ros, "singularity_monitor", warn__distance=0.5, critical__distance=0.3).successful
-    assert (node.parameters.warn_distance, node.parameters.critical_distance) == (0.5, 0.3)
-    refused = set_live(ros, "singularity_monitor", warn__distance=0.9, hysteresis=0.5)
+    assert set_live(
+        ros, "singularity_monitor", warn__transversal_distance=0.5, critical__transversal_distance=0.3
+    ).successful
+    assert (node.parameters.warn_transversal_distance, node.parameters.critical_transversal_distance) == (0.5, 0.3)
+    refused = set_live(ros, "singularity_monitor", warn__transversal_distance=0.9, debounce__raise=0)
     assert not refused.successful
-    assert node.parameters.warn_distance == 0.5
-    refused = set_live(ros, "singularity_monitor", warn__distance=0.1)
-    assert not refused.successful and "below 'critical.distance' = 0.3" in refused.reason
-    assert node.get_parameter("warn.distance").value == 0.5
+    assert node.parameters.warn_transversal_distance == 0.5
+    refused = set_live(ros, "singularity_monitor", warn__transversal_distance=0.1)
+    assert not refused.successful and "below 'critical.transversal_distance' = 0.3" in refused.reason
+    assert node.get_parameter("warn.transversal_distance").value == 0.5
 
 
 def test_a_whole_number_is_taken_for_a_length(ros, paper):
     node = ros.add(SingularityMonitor, paper)
-    assert set_live(ros, "singularity_monitor", warn__distance=2).successful
-    assert node.parameters.warn_distance == 2.0
+    assert set_live(ros, "singularity_monitor", warn__transversal_distance=2).successful
+    assert node.parameters.warn_transversal_distance == 2.0
 
 
 def test_what_is_fixed_at_the_start_cannot_be_changed(ros, paper):

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
-from builders import SCENE, features, start_pose
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from builders import SCENE, start_pose
+from monitor_loop import MonitorLoop, beside_transversal
+from std_msgs.msg import Header
+
 from plsing_msgs.msg import (
     LineFeatureArray,
     LocusDistance,
@@ -11,60 +13,15 @@ from plsing_msgs.msg import (
     SingularityStatus,
     SingularLoci,
 )
-from std_msgs.msg import Header
-
-from plsing_ros.experiments.near_transversal import ORIENTATION, POINT_ON_TRANSVERSAL
 from plsing_ros.features import rank_basis
 from plsing_ros.geometry import Pose
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.singularity_monitor import SingularityMonitor
 
 
-class Loop:
-    """Sends features and poses to a monitor and receives what it says of them."""
-
-    def __init__(self, ros, paper, **parameters):
-        self.ros = ros
-        self.statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
-        self.alerts = ros.collect(SingularityAlert, "singularity_alerts", qos.LATCHED)
-        self.node = ros.add(SingularityMonitor, paper, {"features_timeout": 5.0, **parameters})
-        self.poses = ros.publisher(PoseWithCovarianceStamped, "camera_pose")
-        self.features = ros.publisher(LineFeatureArray, "line_features")
-
-    def now(self):
-        return self.ros.node.get_clock().now().to_msg()
-
-    def publish_pose(self, pose, stamp, frame="world"):
-        message = PoseWithCovarianceStamped(header=Header(stamp=stamp, frame_id=frame))
-        p, q = message.pose.pose.position, message.pose.pose.orientation
-        p.x, p.y, p.z = map(float, pose.translation)
-        q.x, q.y, q.z, q.w = map(float, pose.quaternion_xyzw)
-        self.poses.publish(message)
-
-    def status_at(self, pose, spoil=lambda message: None, with_pose=True):
-        """Send what a camera there sees, and return the status that answers it."""
-        stamp = self.now()
-        if with_pose:
-            self.publish_pose(pose, stamp)
-            self.ros.spin_for(0.05)  # two topics have no common order
-        message = features(pose, stamp)
-        spoil(message)
-        self.features.publish(message)
-        self.ros.spin_until(
-            lambda: self.statuses and self.statuses[-1].header.stamp == stamp, "the status of these features"
-        )
-        return self.statuses[-1]
-
-
 @pytest.fixture
 def loop(ros, paper):
-    return Loop(ros, paper)
-
-
-def beside_transversal(distance):
-    """A camera at that distance from the paper's point P_M, across its transversal."""
-    along = np.array([0.0, 0.0, 1.0])
-    return Pose.from_quaternion(POINT_ON_TRANSVERSAL + distance * np.cross(along, [1.0, 0, 0]), ORIENTATION)
+    return MonitorLoop(ros, paper)
 
 
 def test_numbers_of_a_status_against_numpy(loop):
@@ -111,11 +68,20 @@ def test_distances_are_those_to_where_the_rank_drops(loop):
     assert status.nearest.distance == pytest.approx(min(status.locus_distances[: len(names)]))
 
 
+ONLY_TRANSVERSALS = {
+    "warn.relative_inverse_condition_number": 0.0,
+    "warn.relative_inverse_condition_number_exit": 0.0,
+    "critical.relative_inverse_condition_number": 0.0,
+    "warn.transversal_distance": 0.1,
+    "critical.transversal_distance": 0.02,
+    "prediction.horizon": 0.0,
+}
+
+
 def test_alerts_come_at_changes_of_level_only(ros, paper):
-    only_distances = {"warn.inverse_condition_number": 0.0, "critical.inverse_condition_number": 0.0}
-    loop = Loop(ros, paper, **only_distances)
-    path = [0.6, 0.5, 0.09, 0.08, 0.07, 0.01, 0.009, 0.09, 0.6, 0.5]
-    for distance in path:
+    at_once = {"debounce.raise": 1, "debounce.lower": 1}
+    loop = MonitorLoop(ros, paper, **ONLY_TRANSVERSALS, **at_once)
+    for distance in (0.6, 0.5, 0.09, 0.08, 0.07, 0.01, 0.009, 0.09, 0.6, 0.5):
         loop.status_at(beside_transversal(distance))
     ros.spin_for(0.1)
     levels = [each.level for each in loop.alerts if each.level != SingularityStatus.STALE]
@@ -124,8 +90,17 @@ def test_alerts_come_at_changes_of_level_only(ros, paper):
     for before, after in zip(loop.alerts, loop.alerts[1:], strict=False):
         assert after.previous_level == before.level
     critical = next(each for each in loop.alerts if each.level == SingularityStatus.CRITICAL)
-    assert critical.text.startswith("CRITICAL: ") and "transversal 1" in critical.text
+    assert critical.text.startswith("CRITICAL: ")
+    assert "transversal 1" in critical.text
     assert critical.nearest.distance == pytest.approx(0.02, abs=0.02)
+
+
+def test_levels_change_only_after_some_cycles_of_the_same_opinion(ros, paper):
+    loop = MonitorLoop(ros, paper, **ONLY_TRANSVERSALS, **{"debounce.raise": 3, "debounce.lower": 5})
+    levels = [loop.status_at(beside_transversal(distance)).level for distance in (0.5, 0.05, 0.5, 0.05, 0.05, 0.05)]
+    assert levels == [SingularityStatus.OK] * 5 + [SingularityStatus.WARN]
+    levels = [loop.status_at(beside_transversal(0.5)).level for _ in range(6)]
+    assert levels[3:] == [SingularityStatus.WARN, SingularityStatus.OK, SingularityStatus.OK]
 
 
 def test_a_late_subscriber_receives_the_present_level(loop):
@@ -143,7 +118,7 @@ def test_without_any_features_it_says_so(loop):
 
 
 def test_features_that_stop_are_stale_and_the_old_numbers_are_gone(ros, paper):
-    loop = Loop(ros, paper, features_timeout=0.2, heartbeat_period=0.05)
+    loop = MonitorLoop(ros, paper, features_timeout=0.2, heartbeat_period=0.05)
     loop.status_at(start_pose(1))
     loop.ros.spin_until(
         lambda: loop.statuses[-1].level == loop.alerts[-1].level == SingularityStatus.STALE, "the heartbeat to notice"
@@ -154,19 +129,24 @@ def test_features_that_stop_are_stale_and_the_old_numbers_are_gone(ros, paper):
     assert loop.status_at(start_pose(1)).level == SingularityStatus.OK
 
 
-def test_without_a_pose_there_are_no_distances_and_it_says_so(loop):
+def test_without_a_pose_it_takes_the_features_and_says_so(loop):
     status = loop.status_at(start_pose(1), with_pose=False)
-    assert not status.distances_valid and len(status.locus_distances) == 0
-    assert status.nearest.kind == LocusDistance.NONE
-    assert "distances not known: no camera_pose within 0.1 s" in status.reason
+    assert status.distances_valid
+    assert status.position_source == "features"
+    nearest = np.linalg.norm(start_pose(1).translation - point_of(status.nearest.closest_point))
+    assert status.nearest.distance == pytest.approx(nearest, abs=1e-9)
     assert status.inverse_condition_number > 0.0
 
 
 def test_a_pose_in_another_frame_is_not_used(loop):
     stamp = loop.now()
-    loop.publish_pose(start_pose(1), stamp, frame="map")
+    loop.publish_pose(start_pose(2), stamp, frame="map")
     loop.ros.spin_for(0.1)
-    assert not loop.status_at(start_pose(1), with_pose=False).distances_valid
+    assert loop.status_at(start_pose(1), with_pose=False).position_source == "features"
+
+
+def point_of(message):
+    return np.array([message.x, message.y, message.z])
 
 
 def spoil_ids(message):

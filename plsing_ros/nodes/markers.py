@@ -1,0 +1,124 @@
+"""Markers of a scene's singular set and of the camera, for RViz and Foxglove, all in the scene's frame."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+from geometry_msgs.msg import Point
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from plsing_ros.arrays import Array
+from plsing_ros.geometry import Pose
+from plsing_ros.geometry.segments import segments_in_ball
+from plsing_ros.nodes.conversions import point_message
+from plsing_ros.servoing.levels import Level
+from plsing_ros.singularities import SingularSet, surface_triangles
+
+# Lines are drawn within this many scene lengths (mean distance of the lines from their centre) of the scene's centre.
+_REACH = 6.0
+
+# Longest drawn path of the camera, in poses.
+_PATH_LENGTH = 2000
+
+_OBSERVED = ColorRGBA(r=0.1, g=0.1, b=0.1, a=1.0)
+_TRANSVERSAL = ColorRGBA(r=1.0, g=0.5, b=0.0, a=1.0)
+_POINT = ColorRGBA(r=0.9, g=0.1, b=0.1, a=1.0)
+_SURFACE = ColorRGBA(r=0.3, g=0.5, b=1.0, a=0.35)
+_LEVELS = {
+    Level.OK: ColorRGBA(r=0.1, g=0.7, b=0.1, a=1.0),
+    Level.WARN: ColorRGBA(r=1.0, g=0.7, b=0.0, a=1.0),
+    Level.CRITICAL: ColorRGBA(r=0.9, g=0.0, b=0.0, a=1.0),
+}
+_UNKNOWN = ColorRGBA(r=0.5, g=0.5, b=0.5, a=1.0)
+
+
+def scene_markers(found: SingularSet, head: Header) -> MarkerArray:
+    """Return the observed lines and everything singular; they last until they are replaced."""
+    center, radius = found.frame.center, _REACH * found.frame.length
+    width = 0.004 * radius
+    lines = _marker(head, "observed_lines", Marker.LINE_LIST, width, _OBSERVED)
+    lines.points = _points(segments_in_ball(found.lines.point, found.lines.direction, center, radius))
+    markers = [lines]
+    if found.transversals:
+        point = np.array([each.point for each in found.transversals])
+        direction = np.array([each.direction for each in found.transversals])
+        transversals = _marker(head, "transversals", Marker.LINE_LIST, width, _TRANSVERSAL)
+        transversals.points = _points(segments_in_ball(point, direction, center, radius))
+        markers.append(transversals)
+    if len(found.isolated_points):
+        isolated = _marker(head, "isolated_points", Marker.SPHERE_LIST, 6.0 * width, _POINT)
+        isolated.points = _points(found.isolated_points)
+        markers.append(isolated)
+    for number, surface in enumerate(found.surfaces):
+        mesh = _marker(head, "surfaces", Marker.TRIANGLE_LIST, 1.0, _SURFACE, number)
+        mesh.points = _points(surface_triangles(surface, center, 0.5 * radius))
+        markers.append(mesh)
+    # A marker without points is an error to the viewers; and what an earlier scene had must go.
+    kept = [marker for marker in markers if marker.points]
+    return MarkerArray(markers=[Marker(header=head, action=Marker.DELETEALL), *kept])
+
+
+class CameraMarkers:
+    """Frustum, path coloured by level, lost motion and text of a camera that moves through a scene."""
+
+    def __init__(self, found: SingularSet) -> None:
+        self._size = 0.25 * found.frame.length
+        self._path: deque[tuple[Point, ColorRGBA]] = deque(maxlen=_PATH_LENGTH)
+
+    def markers(
+        self, T_world_camera: Pose, level: Level, text: str, lost_motion: Array | None, head: Header
+    ) -> MarkerArray:
+        """Add a pose to the path and return all markers of the camera.
+
+        Args:
+            T_world_camera: Where the camera is.
+            level: Of concern, for the colour.
+            text: Shown beside the camera.
+            lost_motion: Twist in the optical frame, shape (6,), or None.
+            head: Stamp, and the scene's frame.
+        """
+        color = _LEVELS.get(level, _UNKNOWN)
+        center = point_message(T_world_camera.translation)
+        self._path.append((center, color))
+        frustum = _marker(head, "camera", Marker.LINE_LIST, 0.03 * self._size, color)
+        frustum.points = _points(_frustum(T_world_camera, self._size))
+        note = _marker(head, "status", Marker.TEXT_VIEW_FACING, 0.25 * self._size, color)
+        note.text = text
+        note.pose.position = point_message(
+            T_world_camera.translation - 0.7 * self._size * T_world_camera.rotation[:, 1]
+        )
+        path = _marker(head, "camera_path", Marker.LINE_STRIP, 0.03 * self._size, color)
+        path.points, path.colors = (list(each) for each in zip(*self._path, strict=True))
+        if len(self._path) < 2:
+            path.action = Marker.DELETE  # a strip of one point is an error to the viewers
+        arrow = _marker(head, "lost_motion", Marker.ARROW, 0.06 * self._size, _POINT)
+        arrow.scale.y, arrow.scale.z = 0.12 * self._size, 0.2 * self._size
+        length = 0.0 if lost_motion is None else float(np.linalg.norm(lost_motion[:3]))
+        if lost_motion is None or length < 1e-9:
+            arrow.action = Marker.DELETE
+        else:
+            tip = T_world_camera.translation + self._size / length * (T_world_camera.rotation @ lost_motion[:3])
+            arrow.points = [center, point_message(tip)]
+        return MarkerArray(markers=[frustum, path, note, arrow])
+
+
+def _frustum(T_world_camera: Pose, size: float) -> Array:
+    corners = size * np.array([[-0.5, -0.4, 1.0], [0.5, -0.4, 1.0], [0.5, 0.4, 1.0], [-0.5, 0.4, 1.0]])
+    edges = [(np.zeros(3), corner) for corner in corners] + list(
+        zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    )
+    return np.reshape(edges, (-1, 3)) @ T_world_camera.rotation.T + T_world_camera.translation
+
+
+def _marker(head: Header, namespace: str, kind: int, scale: float, color: ColorRGBA, number: int = 0) -> Marker:
+    marker = Marker(header=head, ns=namespace, id=number, type=kind, action=Marker.ADD, color=color)
+    marker.pose.orientation.w = 1.0
+    marker.scale.x = marker.scale.y = marker.scale.z = float(scale)
+    return marker
+
+
+def _points(values: Array | Iterable[Array]) -> list[Point]:
+    return [point_message(each) for each in np.reshape(np.asarray(values), (-1, 3))]
