@@ -103,27 +103,33 @@ def _draw_lines(axes: Any, points: Array, directions: Array, center: Array, radi
 
 def _draw_condition(figure: Any, records: Sequence[RunRecord]) -> None:
     axes = figure.subplots()
+    axes.set_yscale("log")
     for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
-        axes.semilogy(record.time, record.inverse_condition_number, color=color, label=record.name)
         for alert in record.alerts:
-            if alert.level in _ALERT_MARKS and alert.time >= 0.0:
+            if alert.level in _ALERT_MARKS:
                 marker, mark_color = _ALERT_MARKS[alert.level]
                 value = np.interp(alert.time, record.time, record.inverse_condition_number)
                 axes.plot(alert.time, value, marker, color=mark_color, markersize=9, markeredgecolor=color)
     for level, (marker, mark_color) in _ALERT_MARKS.items():
         axes.plot([], [], marker, color=mark_color, label=f"alert {level.name}")
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("inverse condition number")
-    axes.grid(alpha=0.3)
-    axes.legend()
+    _draw_over_time(axes, records, "inverse condition number", lambda record: record.inverse_condition_number)
 
 
 def _draw_errors(figure: Any, records: Sequence[RunRecord]) -> None:
     axes = figure.subplots()
+    axes.set_yscale("log")
+    _draw_over_time(axes, records, "error norm |s - s*|", lambda record: record.error_norm)
+
+
+def _draw_distances(figure: Any, records: Sequence[RunRecord]) -> None:
+    _draw_over_time(figure.subplots(), records, "distance to target [m]", lambda record: record.distance)
+
+
+def _draw_over_time(axes: Any, records: Sequence[RunRecord], label: str, values: Callable[[RunRecord], Array]) -> None:
     for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
-        axes.semilogy(record.time, record.error_norm, color=color, label=record.name)
+        axes.plot(record.time, values(record), color=color, label=record.name)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel("error norm |s - s*|")
+    axes.set_ylabel(label)
     axes.grid(alpha=0.3)
     axes.legend()
 
@@ -144,13 +150,3 @@ def _draw_twists(figure: Any, records: Sequence[RunRecord]) -> None:
                 axes.legend(loc="right", fontsize="small")
         panels[0, column].set_title(record.name)
         panels[1, column].set_xlabel("time [s]")
-
-
-def _draw_distances(figure: Any, records: Sequence[RunRecord]) -> None:
-    axes = figure.subplots()
-    for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
-        axes.plot(record.time, record.distance, color=color, label=record.name)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("distance to target [m]")
-    axes.grid(alpha=0.3)
-    axes.legend()

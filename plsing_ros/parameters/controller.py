@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from plsing_ros.errors import ParameterError
-from plsing_ros.geometry import Pose
 from plsing_ros.parameters.parameter_set import parameter
-from plsing_ros.parameters.scene import SceneParameters, pose_from_parameters
+from plsing_ros.parameters.task import TaskParameters
 
 
 @dataclass(frozen=True)
-class ControllerParameters(SceneParameters):
+class ControllerParameters(TaskParameters):
     """Where to go, by which law, and when not to move."""
 
     target_source: str = parameter(
@@ -20,14 +19,6 @@ class ControllerParameters(SceneParameters):
         "pose: the features of the lines seen from the target pose; topic: desired_line_features",
         choices=("pose", "topic"),
         live=False,
-    )
-    target_position: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0), "target.position", "Camera centre at the target, in the scene frame: x, y, z", unit="m"
-    )
-    target_orientation: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0, 1.0),
-        "target.orientation",
-        "Orientation of the optical frame at the target, in the scene frame: unit quaternion x, y, z, w",
     )
     gain: float = parameter(
         0.1, "gain", "lambda of the law tau = -lambda pinv(L) (s - s*)", unit="1/s", minimum=1e-6, maximum=1000.0
@@ -48,14 +39,6 @@ class ControllerParameters(SceneParameters):
         "Features older than this on the node clock are refused, and zero twist is commanded",
         unit="s",
         minimum=1e-3,
-        maximum=60.0,
-    )
-    future_tolerance: float = parameter(
-        0.1,
-        "future_tolerance",
-        "Features stamped further ahead of the node clock than this are refused",
-        unit="s",
-        minimum=0.0,
         maximum=60.0,
     )
     watchdog_period: float = parameter(
@@ -79,7 +62,3 @@ class ControllerParameters(SceneParameters):
                 "control a camera pose"
             )
         self.target_pose()
-
-    def target_pose(self) -> Pose:
-        """Return T_world_camera at the target."""
-        return pose_from_parameters("target", self.target_position, self.target_orientation)

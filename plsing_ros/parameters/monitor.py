@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from plsing_ros.errors import ParameterError
-from plsing_ros.geometry import Pose
 from plsing_ros.parameters.parameter_set import parameter
-from plsing_ros.parameters.scene import SceneParameters, pose_from_parameters
+from plsing_ros.parameters.task import TaskParameters
 
 # Numbers that are the worse the smaller they are, by their ROS names, and the fields of their thresholds.
 _INDICATORS = {
@@ -41,7 +40,7 @@ def _exit(
 
 
 @dataclass(frozen=True)
-class MonitorParameters(SceneParameters):
+class MonitorParameters(TaskParameters):
     """When to warn, and which input to trust."""
 
     warn_condition: float = _threshold(
@@ -172,14 +171,6 @@ class MonitorParameters(SceneParameters):
     target_known: bool = parameter(
         False, "target.known", "Whether target.position and target.orientation are the goal of the task"
     )
-    target_position: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0), "target.position", "Camera centre at the target, in the scene frame: x, y, z", unit="m"
-    )
-    target_orientation: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0, 1.0),
-        "target.orientation",
-        "Orientation of the optical frame at the target, in the scene frame: unit quaternion x, y, z, w",
-    )
     twist_timeout: float = parameter(
         0.3,
         "twist_timeout",
@@ -202,14 +193,6 @@ class MonitorParameters(SceneParameters):
         "STALE when no usable features have come for this time on the node clock",
         unit="s",
         minimum=1e-3,
-        maximum=60.0,
-    )
-    future_tolerance: float = parameter(
-        0.1,
-        "future_tolerance",
-        "Features stamped further ahead of the node clock than this are refused",
-        unit="s",
-        minimum=0.0,
         maximum=60.0,
     )
     pose_tolerance: float = parameter(
@@ -270,10 +253,6 @@ class MonitorParameters(SceneParameters):
                 f"{self.critical_growth:g}; it must be at most that, so that the warning comes first"
             )
         self.target_pose()
-
-    def target_pose(self) -> Pose:
-        """Return T_world_camera at the target."""
-        return pose_from_parameters("target", self.target_position, self.target_orientation)
 
     def thresholds(self, name: str) -> tuple[float, float, float, float]:
         """Return warn, its exit, critical, its exit of a number by its ROS name, for example "transversal_distance"."""

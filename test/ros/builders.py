@@ -67,3 +67,22 @@ def twist(values, stamp, frame=CAMERA_FRAME):
     v, w = message.twist.linear, message.twist.angular
     v.x, v.y, v.z, w.x, w.y, w.z = map(float, values)
     return message
+
+
+def change(**fields):
+    """Return what gives fields of a message other values."""
+
+    def apply(message):
+        for name, value in fields.items():
+            setattr(message, name, value)
+
+    return apply
+
+
+def set_number(field, index, value):
+    """Return what gives one number of a message's field another value."""
+
+    def apply(message):
+        getattr(message, field)[index] = value
+
+    return apply

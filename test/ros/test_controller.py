@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import TARGET, features, plain_twist, start_pose, time_of, twist_values
+from builders import TARGET, change, features, plain_twist, set_number, start_pose, time_of, twist_values
 from geometry_msgs.msg import TwistStamped
 from std_srvs.srv import SetBool
 
@@ -110,21 +110,6 @@ def test_commands_zero_when_features_stop(ros, paper):
     assert np.all(twist_values(loop.twists[-1]) == 0.0)
     _, state = loop.answer(features(start_pose(1), loop.now()))
     assert state.mode == ControllerState.SERVOING  # a halt can be left
-
-
-def change(**fields):
-    def apply(message):
-        for name, value in fields.items():
-            setattr(message, name, value)
-
-    return apply
-
-
-def set_number(field, index, value):
-    def apply(message):
-        getattr(message, field)[index] = value
-
-    return apply
 
 
 def set_frame(message):

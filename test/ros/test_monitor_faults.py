@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import features, seen, start_pose, twist
+from builders import change, features, seen, set_number, start_pose, twist
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from monitor_loop import MonitorLoop, beside_transversal
@@ -46,21 +46,6 @@ def assert_recovers(loop):
     for status in loop.statuses:
         assert np.isfinite(numbers_of(status)).all()
         assert status.reason
-
-
-def change(**fields):
-    def apply(message):
-        for name, value in fields.items():
-            setattr(message, name, value)
-
-    return apply
-
-
-def set_number(field, index, value):
-    def apply(message):
-        getattr(message, field)[index] = value
-
-    return apply
 
 
 @pytest.mark.parametrize(
