@@ -128,6 +128,16 @@ def test_help_has_examples_and_is_quick_to_tell(start, name):
     assert re.search(r"examples:\n  \S+", output_of(process))
 
 
+def test_the_command_line_has_the_last_word_over_parameter_files(start):
+    """Only a value that is refused shows in the output which one was taken."""
+    process = start("controller", *PAPER, "-p", "gain:=-1.0")
+    assert process.wait(30.0) == 2, output_of(process)
+    assert "parameter 'gain' is -1.0 1/s; allowed: 1e-06 to 1000 1/s" in output_of(process)
+    both = ["--ros-args", "--params-file", str(config_file("controller.yaml")), *PAPER[1:]]
+    process = start("controller", *both, "-p", "gain:=-1.0")
+    assert process.wait(30.0) == 2, output_of(process)
+
+
 def test_an_unknown_option_names_itself(start):
     process = start("controller", "--fast")
     assert process.wait(30.0) == 2
