@@ -52,7 +52,7 @@ class Freshness:
 
     def silence(self, now: int) -> str | None:
         """Return why there is nothing to act on now [ns], or None if the last accepted message is recent enough."""
-        self._follow_clock(now)
+        self.follow_clock(now)
         problem = "" if self._last_problem is None else f"; the latest were refused: {self._last_problem}"
         if self._last_stamp is None:
             return f"no {'usable ' if problem else ''}{self.what} received yet{problem}"
@@ -62,7 +62,7 @@ class Freshness:
         return None
 
     def _problem(self, stamp: int, now: int) -> str | None:
-        self._follow_clock(now)
+        self.follow_clock(now)
         age = (now - stamp) / _SECOND
         if stamp == 0:
             return f"{self.what} have no stamp (it is zero); the publisher must set header.stamp"
@@ -80,7 +80,10 @@ class Freshness:
             return f"{self.what} came out of order: stamped {back:.3g} s before earlier ones"
         return None
 
-    def _follow_clock(self, now: int) -> None:
-        if self._last_now is not None and now < self._last_now - int(self.future_tolerance * _SECOND):
+    def follow_clock(self, now: int) -> bool:
+        """Return whether the clock has jumped back to now [ns] since the last call, and forget earlier stamps if so."""
+        jumped = self._last_now is not None and now < self._last_now - int(self.future_tolerance * _SECOND)
+        if jumped:
             self._last_stamp = None
         self._last_now = now
+        return jumped

@@ -119,7 +119,6 @@ class SingularityMonitor:
         self._preview = LawPreview()
         self._twist: tuple[int, Array] | None = None
         self._goal: Goal | None = None
-        self._last_now: int | None = None
         self._parameters = parameters
         self._use_scene(singular_set(parameters.lines()))
         self._use_target(parameters)
@@ -320,13 +319,11 @@ class SingularityMonitor:
 
     def _follow_clock(self, now: int) -> None:
         """Drop everything stamped by a clock that has since jumped back."""
-        tolerance = int(self._parameters.future_tolerance * _SECOND)
-        if self._last_now is not None and now < self._last_now - tolerance:
+        if self._freshness.follow_clock(now):
             self._poses.clear()
             self._twist = None
             self._first_speed = 0.0
             self._forget()
-        self._last_now = now
 
     def _usable_lines(self, observation: LineObservation) -> LineSet:
         known = self._found.lines.ids
