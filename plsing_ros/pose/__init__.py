@@ -1,0 +1,1 @@
+"""Camera pose from lines, and what singularities do to it."""
