@@ -117,7 +117,7 @@ def test_transversals_are_the_printed_ones():
     assert distance_to_line([0.3962, -4.337, 7.50], found.transversals[0].point, found.transversals[0].direction) < 1e-3
 
 
-def tes2ix_real_of_ten_complex_points():
+def test_six_real_of_ten_complex_points():
     found = singular_set(line_set(PAPER_FOUR))
     assert found.isolated_status is IsolatedStatus.FINITE
     assert found.isolated_points_complex.shape == (10, 3)
