@@ -7,13 +7,14 @@ export PYTHON
 
 RUN := $(PYTHON) tools/environment.py run
 
-.PHONY: help demo test test-noble bench lint clean setup python noble-python
+.PHONY: help demo paper test test-noble bench lint clean setup python noble-python
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo        run the demo                        ARGS=... is passed to it"
 	@echo "make test        run the tests                       ARGS='-k transversals' is passed to pytest"
 	@echo "make test-noble  the same with Ubuntu 24.04's numpy, scipy, ..., on Python 3.12"
+	@echo "make paper       run the paper's experiments and write docs/paper.md      ARGS=... is passed to it"
 	@echo "make bench       measure the speed                   ARGS=... is passed to it"
 	@echo "make lint        check style, format and types"
 	@echo "make setup       only make the environment that all of these use (they do so themselves)"
@@ -31,6 +32,9 @@ test: python
 test-noble: noble-python
 	@$(NOBLE_PYTHON) tools/environment.py --noble run python3 -m pytest $(ARGS)
 
+paper: python
+	@$(RUN) paper $(ARGS)
+
 bench: python
 	@$(RUN) python3 -m benchmark $(ARGS)
 
@@ -43,7 +47,8 @@ setup: python
 	@$(PYTHON) tools/environment.py setup
 
 clean:
-	rm -rf .venv .venv-* build install log demo_output
+	rm -rf .venv .venv-* build install log demo_output paper_output
+	rm -f plsing_ros/*.so
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 

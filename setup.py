@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
 
 NAME = "plsing_ros"
 SHARE = Path("share") / NAME
@@ -23,7 +23,11 @@ setup(
         (str(SHARE), ["package.xml"]),
         *config_files(),
     ],
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed", "*.pyi"]},
+    ext_modules=[
+        # Without a C compiler the package works all the same, slower (plsing_ros/kernels.py).
+        Extension(f"{NAME}._kernels", [f"{NAME}/_kernels.c"], extra_compile_args=["-O2"], libraries=["m"], optional=True),
+    ],
     install_requires=["setuptools"],
     zip_safe=False,
     maintainer="plsing_ros developers",
@@ -35,8 +39,10 @@ setup(
             "feature_simulator = plsing_ros.nodes.feature_simulator:main",
             "controller = plsing_ros.nodes.controller:main",
             "singularity_monitor = plsing_ros.nodes.singularity_monitor:main",
+            "pose_estimator = plsing_ros.nodes.pose_estimator:main",
             "demo = plsing_ros.cli.demo:main",
             "analyze = plsing_ros.cli.analyze:main",
+            "paper = plsing_ros.cli.paper:main",
             "survey = plsing_ros.cli.survey:main",
         ],
     },

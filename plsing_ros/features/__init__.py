@@ -1,16 +1,20 @@
 """Line features of the image: projection, interaction matrix, rank basis, conditioning."""
 
 from plsing_ros.features.conditioning import Conditioning, conditioning, inverse_condition_number
+from plsing_ros.features.factorisation import Factorisation, factorised
 from plsing_ros.features.interaction import interaction_matrix
-from plsing_ros.features.observation import LineObservation
+from plsing_ros.features.observation import LineObservation, LinesVerdict
 from plsing_ros.features.projection import degenerate_projections, image_depth, project_lines
 from plsing_ros.features.rank_basis import rank_basis
 
 __all__ = [
     "Conditioning",
+    "Factorisation",
     "LineObservation",
+    "LinesVerdict",
     "conditioning",
     "degenerate_projections",
+    "factorised",
     "image_depth",
     "interaction_matrix",
     "inverse_condition_number",

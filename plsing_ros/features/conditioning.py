@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError
+from plsing_ros.features.factorisation import Factorisation, factorised
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +39,12 @@ class Conditioning:
         return float(self.singular_values[-1])
 
 
-def conditioning(matrix: npt.ArrayLike, characteristic_length: float = 1.0) -> Conditioning:
+def conditioning(matrix: npt.ArrayLike | Factorisation, characteristic_length: float = 1.0) -> Conditioning:
     """Return the conditioning of an interaction matrix.
 
     Args:
-        matrix: Interaction matrix, shape (m, 6), any m; with m < 6 the rank is deficient and the inverse condition
-            number is 0.
+        matrix: Interaction matrix, shape (m, 6), any m, or its factorisation; with m < 6 the rank is deficient and the
+            inverse condition number is 0.
         characteristic_length: Length that makes translation and rotation columns comparable [m], > 0.
 
     Raises:
@@ -50,34 +52,24 @@ def conditioning(matrix: npt.ArrayLike, characteristic_length: float = 1.0) -> C
 
     Source: section 7 of docs/conventions.md ("The condition number").
     """
-    values = checked_array("matrix", matrix, (None, 6))
-    if not (np.isfinite(characteristic_length) and characteristic_length > 0.0):
+    if not 0.0 < characteristic_length < math.inf:
         raise GeometryError(f"characteristic_length is {characteristic_length} m; it must be positive and finite")
-    singular_values, right = _svd_of_columns(values)
-    scaled = values * np.array([characteristic_length] * 3 + [1.0] * 3)
-    scaled_singular_values = singular_values if characteristic_length == 1.0 else _svd_of_columns(scaled)[0]
-    weakest = right[-1]
+    raw = matrix if isinstance(matrix, Factorisation) else factorised(checked_array("matrix", matrix, (None, 6)))
+    inverse = scaled_inverse = raw.inverse_condition_number
+    if characteristic_length != 1.0:
+        # The left singular vectors do not change the singular values of the product.
+        scale = np.array([characteristic_length] * 3 + [1.0] * 3)
+        scaled_inverse = factorised(raw.singular_values[:, np.newaxis] * raw.right * scale).inverse_condition_number
+    weakest = raw.right[5]
     return Conditioning(
-        singular_values,
-        _ratio(singular_values),
-        _ratio(scaled_singular_values),
+        raw.singular_values,
+        inverse,
+        scaled_inverse,
         float(characteristic_length),
-        weakest * np.sign(weakest[np.argmax(np.abs(weakest))]),
+        weakest if weakest[np.abs(weakest).argmax()] > 0.0 else -weakest,
     )
 
 
 def inverse_condition_number(matrix: npt.ArrayLike) -> float:
     """Return the smallest over the largest singular value of a matrix (m, 6), in [0, 1]; never infinite."""
     return conditioning(matrix).inverse_condition_number
-
-
-def _svd_of_columns(matrix: Array) -> tuple[Array, Array]:
-    """Return six singular values and the six right singular vectors as rows, for any number of rows."""
-    rows = np.vstack([matrix, np.zeros((6 - len(matrix), 6))]) if len(matrix) < 6 else matrix
-    _, singular_values, right = np.linalg.svd(rows, full_matrices=False)
-    return singular_values, right
-
-
-def _ratio(singular_values: Array) -> float:
-    largest = float(singular_values[0])
-    return float(singular_values[-1]) / largest if largest > 0.0 else 0.0

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import enum
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from plsing_ros.arrays import Array, BoolArray, checked_array
+from plsing_ros import kernels
+from plsing_ros.arrays import Array, BoolArray, checked_array, shaped_array
 from plsing_ros.errors import ObservationError, PlsingError
-from plsing_ros.features.projection import degenerate_projections, project_lines
+from plsing_ros.features.projection import degenerate_projections, have_images, project_lines
 from plsing_ros.geometry import LineSet
 
 # Trackers round image lines to float32 at worst; a longer deviation from l'_x^2 + l'_y^2 = 1 is another normalisation.
 _NORM_TOLERANCE = 1e-3
+
+
+class LinesVerdict(enum.IntEnum):
+    """How far 3-D lines can be trusted; values as in plsing_msgs/LineFeatureArray."""
+
+    GIVEN = 0
+    OK = 1
+    POOR = 2
+    AMBIGUOUS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +37,8 @@ class LineObservation:
         usable: Which rows may be used, shape (n,): in sight, and projected without degeneracy.
         lines_camera: The usable rows' 3-D lines in the camera's optical frame, in order; None if the source has image
             lines only, or if no row is usable.
+        verdict: How far lines_camera can be trusted.
+        verdict_reason: Why, in words; empty if GIVEN or OK.
 
     Raises:
         ObservationError: If a value is not finite, lengths differ, ids repeat, a usable image line is not normalised,
@@ -35,6 +49,8 @@ class LineObservation:
     image_lines: Array
     usable: BoolArray
     lines_camera: LineSet | None
+    verdict: LinesVerdict = LinesVerdict.GIVEN
+    verdict_reason: str = ""
 
     def __post_init__(self) -> None:
         n = len(self.ids)
@@ -43,36 +59,36 @@ class LineObservation:
             raise ObservationError(
                 f"line id {repeated[0]} occurs more than once in one observation; ids must be distinct"
             )
-        image = checked_array("image_lines", self.image_lines, (n, 3), ObservationError)
+        image = shaped_array("image_lines", self.image_lines, (n, 3), ObservationError)
         usable = np.array(self.usable, dtype=bool)
         if usable.shape != (n,):
             raise ObservationError(f"usable has shape {usable.shape}, expected ({n},)")
-        off = np.abs(np.hypot(image[:, 0], image[:, 1]) - 1.0) * usable
-        if n and off.max() > _NORM_TOLERANCE:
-            row = int(np.argmax(off))
-            raise ObservationError(
-                f"image line {self.ids[row]} is {image[row].tolist()}; it must be normalised so that "
-                "l'_x^2 + l'_y^2 = 1"
-            )
-        if self.lines_camera is not None and self.lines_camera.ids != self.usable_ids:
-            raise ObservationError(f"3-D lines have ids {self.lines_camera.ids}, expected {self.usable_ids}")
+        if not kernels.are_image_lines(image, _NORM_TOLERANCE):
+            _refuse(self.ids, image, usable)
         usable.setflags(write=False)
         object.__setattr__(self, "image_lines", image)
         object.__setattr__(self, "usable", usable)
+        if self.lines_camera is not None and self.lines_camera.ids != self.usable_ids:
+            raise ObservationError(f"3-D lines have ids {self.lines_camera.ids}, expected {self.usable_ids}")
 
-    @property
+    @cached_property
     def usable_ids(self) -> tuple[int, ...]:
         """Ids of the usable rows, in order."""
+        if self.usable.all():
+            return self.ids
         return tuple(i for i, use in zip(self.ids, self.usable, strict=True) if use)
 
-    @property
+    @cached_property
     def usable_image_lines(self) -> Array:
         """Image lines of the usable rows, in order, shape (k, 3)."""
-        return self.image_lines[self.usable]
+        return self.image_lines if self.usable.all() else self.image_lines[self.usable]
 
     @classmethod
     def of_lines(cls, lines_camera: LineSet) -> LineObservation:
         """Return what a camera sees of 3-D lines given in its optical frame; degenerate projections are not usable."""
+        if have_images(lines_camera):
+            everywhere = np.ones(len(lines_camera), dtype=bool)
+            return cls(lines_camera.ids, project_lines(lines_camera).reshape(-1, 3), everywhere, lines_camera)
         usable = ~degenerate_projections(lines_camera)
         image = np.zeros((len(lines_camera), 3))
         seen = lines_camera.select(np.flatnonzero(usable)) if usable.any() else None
@@ -105,16 +121,39 @@ class LineObservation:
         """
         if directions is None or moments is None or not visible.any():
             return cls(ids, image_lines, visible, None)
-        seen_ids = tuple(i for i, use in zip(ids, visible, strict=True) if use)
         try:
-            seen = LineSet(directions[visible], moments[visible], frame, seen_ids)
-            usable = np.array(visible)
+            if visible.all():
+                seen = LineSet(directions, moments, frame, ids)
+            else:
+                # The rows that are left out, too.
+                _refuse_if_not_finite(directions, moments)
+                seen_ids = tuple(i for i, use in zip(ids, visible, strict=True) if use)
+                seen = LineSet(directions[visible], moments[visible], frame, seen_ids)
+            if have_images(seen):
+                return cls(ids, image_lines, visible, seen)
             # A camera centre on a line: the publisher may not have noticed.
-            degenerate = degenerate_projections(seen)
-            if degenerate.any():
-                usable[np.flatnonzero(visible)[degenerate]] = False
-                kept = np.flatnonzero(~degenerate)
-                return cls(ids, image_lines, usable, seen.select(kept) if len(kept) else None)
+            usable, degenerate = np.array(visible), degenerate_projections(seen)
+            usable[np.flatnonzero(visible)[degenerate]] = False
+            kept = np.flatnonzero(~degenerate)
+            return cls(ids, image_lines, usable, seen.select(kept) if len(kept) else None)
+        except ObservationError:
+            raise
         except PlsingError as error:
+            _refuse_if_not_finite(directions, moments)
             raise ObservationError(f"3-D lines of the observation: {error}") from None
-        return cls(ids, image_lines, usable, seen)
+
+
+def _refuse_if_not_finite(directions: Array, moments: Array) -> None:
+    checked_array("directions", directions, (None, 3), ObservationError)
+    checked_array("moments", moments, (None, 3), ObservationError)
+
+
+def _refuse(ids: tuple[int, ...], image_lines: Array, usable: BoolArray) -> None:
+    """Raise the error that names what is wrong with image lines, if it is not that of rows that are not usable."""
+    checked_array("image_lines", image_lines, (None, 3), ObservationError)
+    off = np.abs(np.hypot(image_lines[:, 0], image_lines[:, 1]) - 1.0) * usable
+    if len(ids) and off.max() > _NORM_TOLERANCE:
+        row = int(np.argmax(off))
+        raise ObservationError(
+            f"image line {ids[row]} is {image_lines[row].tolist()}; it must be normalised so that l'_x^2 + l'_y^2 = 1"
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from plsing_ros import kernels
 from plsing_ros.arrays import Array, BoolArray
 from plsing_ros.errors import DegenerateProjectionError
 from plsing_ros.geometry import LineSet
@@ -45,10 +46,18 @@ def project_lines(lines_camera: LineSet) -> Array:
 
     Source: eq. plucker2dline.
     """
-    return (lines_camera.moment / _usable_depth(lines_camera)[:, np.newaxis]).ravel()
+    if not have_images(lines_camera):
+        refuse_degenerate(lines_camera)
+    return (lines_camera.moment / image_depth(lines_camera)[:, np.newaxis]).ravel()
 
 
-def _usable_depth(lines_camera: LineSet) -> Array:
+def have_images(lines_camera: LineSet) -> bool:
+    """Return whether none of the lines is degenerate; much faster than to ask for each."""
+    return kernels.have_images(lines_camera.moment, DEGENERATE_DEPTH)
+
+
+def refuse_degenerate(lines_camera: LineSet) -> None:
+    """Raise the DegenerateProjectionError that names the lines without an image, if there are any."""
     degenerate = degenerate_projections(lines_camera)
     if degenerate.any():
         ids = tuple(lines_camera.ids[row] for row in np.flatnonzero(degenerate))
@@ -57,4 +66,3 @@ def _usable_depth(lines_camera: LineSet) -> Array:
             "in its focal plane z = 0; move the camera or leave the line out",
             ids,
         )
-    return image_depth(lines_camera)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array, cross
+from plsing_ros import kernels
+from plsing_ros.arrays import Array, checked_array, cross, shaped_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry.pose import Pose
 
@@ -44,27 +45,14 @@ class LineSet:
     ids: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        direction = checked_array("direction", self.direction, (None, 3))
+        direction = shaped_array("direction", self.direction, (None, 3))
         n = len(direction)
         if n == 0:
             raise GeometryError("no lines given; at least one is needed")
-        moment = checked_array("moment", self.moment, (n, 3))
-        ids = _checked_ids(self.ids, n)
-        unit_error = np.abs(np.einsum("ij,ij->i", direction, direction) - 1.0)
-        if (unit_error > _TOLERANCE).any():
-            row = int(np.argmax(unit_error))
-            raise GeometryError(
-                f"line {ids[row]}: direction {direction[row].tolist()} has length "
-                f"{np.linalg.norm(direction[row]):.6g}, expected 1"
-            )
-        skewness = np.abs(np.einsum("ij,ij->i", direction, moment))
-        allowed = _TOLERANCE * (1.0 + np.abs(moment).max(axis=1))
-        if (skewness > allowed).any():
-            row = int(np.argmax(skewness - allowed))
-            raise GeometryError(
-                f"line {ids[row]}: moment {moment[row].tolist()} is not orthogonal to its direction "
-                f"{direction[row].tolist()} (their product is {skewness[row]:.3g}), so it is not a line"
-            )
+        moment = shaped_array("moment", self.moment, (n, 3))
+        ids = _checked_ids(tuple(self.ids), n)
+        if not kernels.are_lines(direction, moment, _TOLERANCE):
+            _refuse(direction, moment, ids)
         for name, value in (("direction", direction), ("moment", moment), ("ids", ids)):
             object.__setattr__(self, name, value)
 
@@ -125,7 +113,7 @@ class LineSet:
     def select(self, rows: Sequence[int] | npt.NDArray[np.intp]) -> LineSet:
         """Return the lines of the given rows, in that order, with their ids."""
         chosen = [int(row) for row in rows]
-        if chosen == list(range(len(self))):
+        if chosen == list(range(len(self.ids))):
             return self
         return LineSet(self.direction[chosen], self.moment[chosen], self.frame, tuple(self.ids[row] for row in chosen))
 
@@ -134,7 +122,27 @@ class LineSet:
         return LineSet(-self.direction, -self.moment, self.frame, self.ids)
 
 
-def _checked_ids(ids: Sequence[int], n: int) -> tuple[int, ...]:
+def _refuse(direction: Array, moment: Array, ids: tuple[int, ...]) -> None:
+    """Raise the error that says what is wrong with rows that are not lines."""
+    checked_array("direction", direction, (None, 3))
+    checked_array("moment", moment, (None, 3))
+    unit_error = np.abs(np.einsum("ij,ij->i", direction, direction) - 1.0)
+    if (unit_error > _TOLERANCE).any():
+        row = int(np.argmax(unit_error))
+        raise GeometryError(
+            f"line {ids[row]}: direction {direction[row].tolist()} has length "
+            f"{np.linalg.norm(direction[row]):.6g}, expected 1"
+        )
+    skewness = np.abs(np.einsum("ij,ij->i", direction, moment))
+    row = int(np.argmax(skewness - _TOLERANCE * (1.0 + np.abs(moment).max(axis=1))))
+    raise GeometryError(
+        f"line {ids[row]}: moment {moment[row].tolist()} is not orthogonal to its direction "
+        f"{direction[row].tolist()} (their product is {skewness[row]:.3g}), so it is not a line"
+    )
+
+
+@lru_cache(maxsize=64)
+def _checked_ids(ids: tuple[int, ...], n: int) -> tuple[int, ...]:
     if len(ids) == 0:
         return tuple(range(1, n + 1))
     if len(ids) != n:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
-from plsing_ros.arrays import Array, checked_array
+from plsing_ros import kernels
+from plsing_ros.arrays import Array, checked_array, shaped_array
 from plsing_ros.errors import GeometryError
+from plsing_ros.geometry.rotations import exponential, quaternion_from_rotation, rotation_from_quaternion
 
 _TOLERANCE = 1e-6
 
@@ -33,10 +35,11 @@ class Pose:
     translation: Array
 
     def __post_init__(self) -> None:
-        rotation = checked_array("rotation", self.rotation, (3, 3))
+        rotation = shaped_array("rotation", self.rotation, (3, 3))
         translation = checked_array("translation", self.translation, (3,))
-        error = np.abs(rotation @ rotation.T - np.eye(3)).max()
-        if error > _TOLERANCE or np.linalg.det(rotation) < 0.0:
+        if not kernels.is_rotation(rotation, _TOLERANCE):
+            checked_array("rotation", rotation, (3, 3))
+            error = np.abs(rotation @ rotation.T - np.eye(3)).max()
             raise GeometryError(
                 f"rotation {rotation.tolist()} is not a rotation matrix (R R^T differs from I by {error:.3g}, "
                 f"determinant {np.linalg.det(rotation):.6g})"
@@ -52,10 +55,10 @@ class Pose:
             GeometryError: If a value is not finite or the quaternion's length differs from 1 by more than 1e-3.
         """
         quaternion = checked_array("quaternion", quaternion_xyzw, (4,))
-        length = float(np.linalg.norm(quaternion))
+        length = math.sqrt(float(quaternion @ quaternion))
         if abs(length - 1.0) > 1e-3:
             raise GeometryError(f"quaternion {quaternion.tolist()} (x, y, z, w) has length {length:.6g}, expected 1")
-        return cls(Rotation.from_quat(quaternion).as_matrix(), checked_array("translation", translation, (3,)))
+        return cls(rotation_from_quaternion(quaternion), checked_array("translation", translation, (3,)))
 
     @classmethod
     def looking_at(cls, center: npt.ArrayLike, viewed: npt.ArrayLike, down: npt.ArrayLike = (0.0, 0.0, -1.0)) -> Pose:
@@ -83,8 +86,7 @@ class Pose:
     @property
     def quaternion_xyzw(self) -> Array:
         """The rotation as a unit quaternion (x, y, z, w), shape (4,)."""
-        # A copy, because older SciPy refuses read-only matrices.
-        return np.asarray(Rotation.from_matrix(self.rotation.copy()).as_quat())
+        return quaternion_from_rotation(self.rotation)
 
     def inverse(self) -> Pose:
         """Return T_b_a of this T_a_b."""
@@ -116,23 +118,8 @@ class Pose:
                 f"twist {velocity.tolist()} over {duration:g} s is a step of {np.abs(step).max():.3g} m or rad; "
                 f"allowed are {_LONGEST_STEP:g}"
             )
-        rotation_vector = step[3:]
-        turn = Rotation.from_rotvec(rotation_vector).as_matrix()
+        turn, mean_turn = exponential(step[3:])
         # Renormalised through the quaternion, so that millions of steps do not drift off SO(3).
-        rotation = Rotation.from_matrix(self.rotation @ turn).as_matrix()
-        translation = self.translation + self.rotation @ (_mean_rotation(rotation_vector) @ step[:3])
+        rotation = rotation_from_quaternion(quaternion_from_rotation(self.rotation @ turn))
+        translation = self.translation + self.rotation @ (mean_turn @ step[:3])
         return Pose(rotation, translation)
-
-
-def _mean_rotation(rotation_vector: Array) -> Array:
-    """Return the integral of exp(s [rotation_vector]x) over s in [0, 1], shape (3, 3)."""
-    angle = float(np.linalg.norm(rotation_vector))
-    x, y, z = rotation_vector
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    if angle < 1e-4:
-        # Series, accurate to 1e-17 here; the closed form would cancel.
-        first, second = 0.5 - angle**2 / 24.0, 1.0 / 6.0 - angle**2 / 120.0
-    else:
-        first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
-    mean: Array = np.eye(3) + first * skew + second * skew @ skew
-    return mean

@@ -84,12 +84,15 @@ def run_node(
         while not stopping:
             # Not spin(): an idle EventsExecutor would keep Python from seeing the signal.
             executor.spin_once(timeout_sec=0.1)
-        node.stop()
     finally:
-        executor.remove_node(node)
-        node.destroy_node()
-        executor.shutdown()
-        rclpy.shutdown(context=context)
+        # After a signal, and just as well when a callback has failed.
+        try:
+            node.stop()
+        finally:
+            executor.remove_node(node)
+            node.destroy_node()
+            executor.shutdown()
+            rclpy.shutdown(context=context)
     return 0
 
 

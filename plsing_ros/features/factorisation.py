@@ -1,0 +1,65 @@
+"""The singular value decomposition of an interaction matrix, made once and used for everything."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from plsing_ros import kernels
+from plsing_ros.arrays import Array
+from plsing_ros.errors import GeometryError
+
+
+class Factorisation(NamedTuple):
+    """L = left @ diag(singular_values) @ right, the thin SVD.
+
+    Attributes:
+        left: Orthonormal columns, shape (m, k).
+        singular_values: Largest first, shape (k,), mixed units.
+        right: Right singular vectors as rows, unit twists (v [m/s], omega [rad/s]) where k is 6, shape (k, k). The
+            last one is the motion that changes the image least.
+    """
+
+    left: Array
+    singular_values: Array
+    right: Array
+
+    @property
+    def inverse_condition_number(self) -> float:
+        """Smallest over largest singular value, in [0, 1]; never infinite."""
+        largest = float(self.singular_values[0])
+        return float(self.singular_values[-1]) / largest if largest > 0.0 else 0.0
+
+    def solve(self, values: Array, threshold: float = 0.0) -> Array:
+        """Return pinv(L) @ values, shape (k,), without forming the pseudo-inverse.
+
+        Args:
+            values: Shape (m,).
+            threshold: Singular values up to this times the largest are taken as zero.
+        """
+        s = self.singular_values
+        used = s > threshold * s[0]
+        solution: Array = np.divide(values @ self.left, s, out=np.zeros(len(s)), where=used) @ self.right
+        return solution
+
+
+def factorised(matrix: Array) -> Factorisation:
+    """Return the thin singular value decomposition of an interaction matrix, or of some columns of it.
+
+    Args:
+        matrix: Shape (m, k), k from 1 to 6; with m < k the missing singular values are zero.
+
+    Raises:
+        GeometryError: If it has another shape or is not finite.
+    """
+    if matrix.ndim != 2 or not 1 <= matrix.shape[1] <= 6:
+        raise GeometryError(f"the interaction matrix has shape {matrix.shape}, expected (m, 6) or some columns of it")
+    m, k = matrix.shape
+    rows = np.ascontiguousarray(matrix, dtype=np.float64)
+    if m < k:
+        rows = np.vstack([rows, np.zeros((k - m, k))])
+    left, singular_values, right = np.empty((max(m, k), k)), np.empty(k), np.empty((k, k))
+    if not kernels.svd(rows, left, singular_values, right):
+        raise GeometryError("the interaction matrix holds values that are not finite")
+    return Factorisation(left if m >= k else left[:m], singular_values, right)

@@ -1,0 +1,64 @@
+"""Rotations by plain arithmetic, for what every cycle needs.
+
+The same numbers as scipy.spatial.transform.Rotation to rounding, in a tenth of its time for a single rotation.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+
+
+def rotation_from_quaternion(quaternion_xyzw: Array) -> Array:
+    """Return the matrix, shape (3, 3), of a quaternion (x, y, z, w) of any length but zero, shape (4,)."""
+    x, y, z, w = quaternion_xyzw.tolist()
+    scale = 2.0 / (x * x + y * y + z * z + w * w)
+    xx, yy, zz, xy, xz, yz = scale * x * x, scale * y * y, scale * z * z, scale * x * y, scale * x * z, scale * y * z
+    wx, wy, wz = scale * w * x, scale * w * y, scale * w * z
+    return np.array(
+        [[1.0 - yy - zz, xy - wz, xz + wy], [xy + wz, 1.0 - xx - zz, yz - wx], [xz - wy, yz + wx, 1.0 - xx - yy]]
+    )
+
+
+def quaternion_from_rotation(rotation: Array) -> Array:
+    """Return the unit quaternion (x, y, z, w), shape (4,), of a rotation matrix, shape (3, 3), or of one nearby."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    trace = a + e + i
+    # Whichever component is largest, so that no digits cancel.
+    largest = max(a, e, i, trace)
+    if largest == trace:
+        q = (h - f, c - g, d - b, 1.0 + trace)
+    elif largest == a:
+        q = (1.0 - trace + 2.0 * a, b + d, c + g, h - f)
+    elif largest == e:
+        q = (b + d, 1.0 - trace + 2.0 * e, f + h, c - g)
+    else:
+        q = (c + g, f + h, 1.0 - trace + 2.0 * i, d - b)
+    x, y, z, w = q
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    return np.array((x / length, y / length, z / length, w / length))
+
+
+def exponential(rotation_vector: Array) -> tuple[Array, Array]:
+    """Return exp([rotation_vector]x) and the integral of exp(s [rotation_vector]x) over s in [0, 1], both (3, 3).
+
+    Source: the exponential of so(3) and its left Jacobian, which together make that of se(3).
+    """
+    x, y, z = rotation_vector.tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-4:
+        # Series, accurate to 1e-17 here; the closed form would cancel.
+        square = angle * angle
+        first, second, third = 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
+    else:
+        first = math.sin(angle) / angle
+        second, third = (1.0 - math.cos(angle)) / angle**2, (angle - math.sin(angle)) / angle**3
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    square_of_skew = skew @ skew
+    return _IDENTITY + first * skew + second * square_of_skew, _IDENTITY + second * skew + third * square_of_skew
+
+
+_IDENTITY = np.eye(3)

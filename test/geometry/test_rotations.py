@@ -1,0 +1,42 @@
+"""Rotations by plain arithmetic against SciPy's."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from scipy.integrate import quad_vec
+from scipy.spatial.transform import Rotation
+from strategies import vectors
+
+from plsing_ros.geometry.rotations import exponential, quaternion_from_rotation, rotation_from_quaternion
+
+HALF_TURNS = [np.pi * np.array(axis) for axis in ([1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [0.6, 0, -0.8])]
+
+
+@given(rotation_vector=vectors())
+def test_quaternion_and_matrix_are_those_of_scipy(rotation_vector):
+    rotation = Rotation.from_rotvec(rotation_vector)
+    np.testing.assert_allclose(rotation_from_quaternion(rotation.as_quat()), rotation.as_matrix(), atol=1e-15)
+    quaternion = quaternion_from_rotation(rotation.as_matrix())
+    assert abs(quaternion @ rotation.as_quat()) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("rotation_vector", HALF_TURNS, ids=str)
+def test_half_turns_have_a_quaternion(rotation_vector):
+    rotation = Rotation.from_rotvec(rotation_vector).as_matrix()
+    np.testing.assert_allclose(rotation_from_quaternion(quaternion_from_rotation(rotation)), rotation, atol=1e-15)
+
+
+def test_the_length_of_a_quaternion_does_not_matter():
+    quaternion = np.array([0.1, -0.2, 0.3, 0.9])
+    np.testing.assert_allclose(rotation_from_quaternion(7.0 * quaternion), rotation_from_quaternion(quaternion))
+
+
+@given(rotation_vector=vectors())
+@example(rotation_vector=np.zeros(3))
+@example(rotation_vector=np.array([0.99e-4, 0.0, 0.0]))
+@example(rotation_vector=np.array([0.0, 1.01e-4, 0.0]))
+def test_exponential_is_that_of_scipy_and_its_mean_the_integral(rotation_vector):
+    turn, mean_turn = exponential(rotation_vector)
+    np.testing.assert_allclose(turn, Rotation.from_rotvec(rotation_vector).as_matrix(), atol=1e-14)
+    integral, _ = quad_vec(lambda share: Rotation.from_rotvec(share * rotation_vector).as_matrix(), 0.0, 1.0)
+    np.testing.assert_allclose(mean_turn, integral, atol=1e-7)

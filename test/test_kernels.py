@@ -1,0 +1,159 @@
+"""The compiled loops and their twins of numpy, each against the definition, so also against each other."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from strategies import numbers, seen_lines
+
+from plsing_ros import _kernels, kernels
+from plsing_ros.geometry import Pose
+
+NAMES = [name for name in kernels.__all__ if name != "COMPILED"]
+COMPILED = {name: getattr(_kernels, name) for name in NAMES}
+OF_NUMPY = {name: getattr(kernels, f"{name}_of_numpy") for name in NAMES}
+BOTH = pytest.mark.parametrize("the", [COMPILED, OF_NUMPY], ids=["compiled", "numpy"])
+LEAST_DEPTH = 1e-9
+
+
+def decomposed(the, matrix):
+    m, k = matrix.shape
+    parts = np.empty((m, k)), np.empty(k), np.empty((k, k))
+    assert the["svd"](matrix, *parts)
+    return parts
+
+
+def test_the_compiled_ones_are_in_use():
+    assert kernels.COMPILED
+    assert all(getattr(kernels, name) is COMPILED[name] for name in NAMES)
+
+
+@given(lines=seen_lines(min_size=1))
+def test_interaction_matrices_agree(lines):
+    matrices = [np.empty((3 * len(lines), 6)) for _ in range(2)]
+    for the, matrix in zip((COMPILED, OF_NUMPY), matrices, strict=True):
+        assert the["interaction_matrix"](lines.direction, lines.moment, matrix, LEAST_DEPTH)
+    np.testing.assert_allclose(*matrices, rtol=1e-13, atol=1e-14 * np.abs(matrices[0]).max())
+
+
+@BOTH
+@given(lines=seen_lines(min_size=3), exponent=numbers(0.0, 10.0))
+def test_svd_gives_the_matrix_back_and_its_factors_are_orthonormal(the, lines, exponent):
+    matrix = np.hstack([lines.direction, lines.moment, lines.direction * lines.moment]).reshape(-1, 3)
+    matrix = np.hstack([matrix, matrix[::-1] * 10.0**-exponent])
+    left, values, right = decomposed(the, matrix)
+    assert (np.diff(values) <= 0.0).all()
+    np.testing.assert_allclose(left * values @ right, matrix, atol=1e-14 * values[0])
+    np.testing.assert_allclose(left.T @ left, np.eye(6), atol=1e-14)
+    np.testing.assert_allclose(right @ right.T, np.eye(6), atol=1e-14)
+
+
+@BOTH
+@pytest.mark.parametrize("rows", [6, 12, 15, 60, 300, 900])
+@pytest.mark.parametrize("condition", [1e2, 1e6, 1e10])
+def test_the_smallest_singular_value_is_as_exact_as_rounding_of_the_matrix_allows(the, rows, condition):
+    generator = np.random.default_rng(rows)
+    left = np.linalg.qr(generator.normal(size=(rows, 6)))[0]
+    right = np.linalg.qr(generator.normal(size=(6, 6)))[0]
+    matrix = left * np.geomspace(1.0, 1.0 / condition, 6) @ right
+    with mpmath.workdps(50):
+        # Of the rounded matrix, exactly: the square root of the smallest eigenvalue of its Gram matrix.
+        gram = mpmath.matrix(matrix.T.tolist()) * mpmath.matrix(matrix.tolist())
+        exact = float(mpmath.sqrt(min(mpmath.eigsy(gram, eigvals_only=True))))
+    assert decomposed(the, matrix)[1][-1] == pytest.approx(exact, rel=4e-15 * condition)
+
+
+@BOTH
+@pytest.mark.parametrize("columns", [1, 3, 5])
+def test_svd_of_some_columns(the, columns):
+    matrix = np.random.default_rng(columns).normal(size=(12, columns))
+    np.testing.assert_allclose(decomposed(the, matrix)[1], np.linalg.svd(matrix, compute_uv=False), rtol=1e-13)
+
+
+@BOTH
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_svd_refuses_what_is_not_finite(the, value):
+    matrix = np.ones((12, 6))
+    matrix[7, 2] = value
+    assert not the["svd"](matrix, np.empty((12, 6)), np.empty(6), np.empty((6, 6)))
+
+
+@BOTH
+@given(lines=seen_lines(min_size=1), error=numbers(2e-6, 1e6))
+def test_are_lines_refuses_what_is_no_line(the, lines, error):
+    u, l = lines.direction, lines.moment  # noqa: E741, the literature's name
+    assert the["are_lines"](u, l, 1e-6)
+    assert not the["are_lines"](u * (1.0 + error), l, 1e-6)
+    skewed = l.copy()
+    skewed[-1] += error * (1.0 + np.abs(l[-1]).max()) * 4.0 * u[-1]
+    assert not the["are_lines"](u, skewed, 1e-6)
+    for value in (np.nan, np.inf):
+        for array in (u, l):
+            bad = array.copy()
+            bad[-1, 1] = value
+            assert not the["are_lines"](bad if array is u else u, bad if array is l else l, 1e-6)
+
+
+@BOTH
+def test_images(the):
+    good = np.array([[0.6, -0.8, 5.0], [0.0, 1.0, 0.0]])
+    assert the["are_image_lines"](good, 1e-3)
+    assert the["are_image_lines"](good * 1.0009, 1e-3)
+    assert not the["are_image_lines"](good * 1.0011, 1e-3)
+    for value in (np.nan, np.inf):
+        for column in range(3):
+            bad = good.copy()
+            bad[1, column] = value
+            assert not the["are_image_lines"](bad, 1e-3)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("moment", "has_image"),
+    [([2e-9, 0, 0], True), ([5e-10, 0, 0], False), ([0, 2e-6, 1e4], False), ([0, 2e-5, 1e4], True)],
+)
+def test_a_line_has_an_image_if_it_is_clear_of_camera_centre_and_focal_plane(the, moment, has_image):
+    moments = np.array([[1.0, 2.0, 3.0], moment])
+    assert the["have_images"](moments, LEAST_DEPTH) is has_image
+    assert the["interaction_matrix"](np.ones((2, 3)), moments, np.empty((6, 6)), LEAST_DEPTH) is has_image
+
+
+@BOTH
+def test_rotations(the):
+    rotation = Pose.looking_at([1, 2, 3], [0.3, 0.1, 0.2]).rotation
+    assert the["is_rotation"](rotation, 1e-6)
+    assert not the["is_rotation"](-rotation, 1e-6)
+    assert not the["is_rotation"](rotation * 1.001, 1e-6)
+    assert not the["is_rotation"](np.full((3, 3), np.nan), 1e-6)
+    assert not the["is_rotation"](np.diag([np.inf, 0.0, 0.0]), 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("svd", (np.ones((12, 6)), np.empty((12, 6)), np.empty(6), np.empty((5, 6)))),
+        ("svd", (np.ones((12, 6)), np.empty((11, 6)), np.empty(6), np.empty((6, 6)))),
+        ("svd", (np.ones((12, 7)), np.empty((12, 7)), np.empty(7), np.empty((7, 7)))),
+        ("svd", (np.ones((6, 12)).T, np.empty((12, 6)), np.empty(6), np.empty((6, 6)))),
+        ("are_lines", (np.ones((4, 3)), np.ones((3, 3)), 1e-6)),
+        ("are_lines", (np.ones((4, 3), dtype=np.float32), np.ones((4, 3)), 1e-6)),
+        ("interaction_matrix", (np.ones((2, 3)), np.ones((2, 3)), np.ones((5, 6)), 1e-9)),
+        ("is_rotation", (np.ones(8), 1e-6)),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused_before_they_are_touched(name, arguments):
+    with pytest.raises(ValueError, match=r"not float64 or of a wrong size|C-contiguous|1 to 6 singular values"):
+        COMPILED[name](*arguments)
+
+
+def test_a_read_only_result_is_refused():
+    matrix = np.empty((6, 6))
+    matrix.setflags(write=False)
+    with pytest.raises(ValueError, match="read-only"):
+        _kernels.interaction_matrix(np.ones((2, 3)), np.ones((2, 3)), matrix, LEAST_DEPTH)
+
+
+@pytest.mark.parametrize("arguments", [(), (np.eye(3),), (np.eye(3), "tolerance"), (3, 1e-6), (np.eye(3), 1e-6, 1)])
+def test_wrong_arguments_are_type_errors(arguments):
+    with pytest.raises(TypeError):
+        _kernels.is_rotation(*arguments)
