@@ -12,6 +12,7 @@ from plsing_ros.parameters import (
     ControllerParameters,
     MonitorParameters,
     ParameterSet,
+    PoseEstimatorParameters,
     SimulatorParameters,
     Specification,
 )
@@ -20,6 +21,7 @@ NODES: dict[str, type[ParameterSet]] = {
     "feature_simulator": SimulatorParameters,
     "controller": ControllerParameters,
     "singularity_monitor": MonitorParameters,
+    "pose_estimator": PoseEstimatorParameters,
 }
 
 

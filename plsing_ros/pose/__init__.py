@@ -1,1 +1,16 @@
-"""Camera pose from lines, and what singularities do to it."""
+"""Camera poses from image lines, with what is known about their errors."""
+
+from plsing_ros.pose.completion import completed_observation
+from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate
+from plsing_ros.pose.estimator import PoseEstimator
+from plsing_ros.pose.minimal_solver import solve_three_lines
+
+__all__ = [
+    "Alternative",
+    "PoseEstimate",
+    "PoseEstimator",
+    "Verdict",
+    "completed_observation",
+    "failed_estimate",
+    "solve_three_lines",
+]

@@ -1,0 +1,183 @@
+"""Parameters of the pose estimator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from plsing_ros.errors import ParameterError
+from plsing_ros.parameters.parameter_set import ParameterSet, parameter
+from plsing_ros.parameters.scene import SceneParameters
+
+
+@dataclass(frozen=True)
+class EstimationParameters(ParameterSet):
+    """How a camera pose is estimated from image lines, and when it is called good; without the scene."""
+
+    noise_image: float = parameter(
+        1e-3,
+        "noise.image",
+        "Standard deviation of an image line l': of its angle in radians, and of its offset l'_z from the optical axis",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    noise_scene: float = parameter(
+        0.0,
+        "noise.scene",
+        "Standard deviation of each Plücker coordinate of the scene's lines in the scene frame (directions without "
+        "unit, moments in m): how well the scene is known",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    noise_camera: float = parameter(
+        0.0,
+        "noise.camera",
+        "Standard deviation of each Plücker coordinate of the lines in the camera frame that the images are made of, "
+        "as the noise of feature_simulator",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    backend: str = parameter(
+        "numpy",
+        "backend",
+        "Solver for three lines: numpy, or poselib if that package is installed",
+        choices=("numpy", "poselib"),
+        live=False,
+    )
+    largest_angle: float = parameter(
+        1.5707963267948966,
+        "largest_angle",
+        "A line is visible within this angle of the optical axis; half of the diagonal field of view, "
+        "or pi/2 if not known",
+        unit="rad",
+        minimum=0.01,
+        maximum=1.5707963267948966,
+    )
+    most_triplets: int = parameter(
+        40,
+        "most_triplets",
+        "Triplets of lines that first estimates are made from, if there are more: the best conditioned ones",
+        minimum=4,
+        maximum=1000,
+        live=False,
+    )
+    outlier_gate: float = parameter(
+        4.5,
+        "outlier_gate",
+        "With five lines or more, one that is off by more than this many standard deviations is left out",
+        minimum=2.0,
+        maximum=100.0,
+    )
+    reversal_cost: float = parameter(
+        12.0,
+        "reversal_cost",
+        "What a line seen against its direction counts, in squared standard deviations: -2 log of its probability",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    most_position_deviation: float = parameter(
+        0.03,
+        "poor.position_deviation",
+        "POOR above this standard deviation of the position in its worst direction",
+        unit="m",
+        minimum=1e-9,
+        maximum=1e6,
+    )
+    most_rotation_deviation: float = parameter(
+        0.03,
+        "poor.rotation_deviation",
+        "POOR above this standard deviation of the orientation about its worst axis",
+        unit="rad",
+        minimum=1e-9,
+        maximum=10.0,
+    )
+    most_nonlinearity: float = parameter(
+        0.5,
+        "poor.nonlinearity",
+        "POOR, and the covariance not to be trusted, when the misfit two standard deviations away differs by more than "
+        "this share from what the covariance says",
+        minimum=0.01,
+        maximum=10.0,
+    )
+    most_residual: float = parameter(
+        3.0,
+        "poor.residual",
+        "POOR when the root mean square residual exceeds this many standard deviations",
+        minimum=1.0,
+        maximum=1e3,
+    )
+    failed_residual: float = parameter(
+        30.0,
+        "failed.residual",
+        "FAILED when the root mean square residual exceeds this many standard deviations",
+        minimum=1.0,
+        maximum=1e6,
+    )
+    least_plausibility: float = parameter(
+        1e-3,
+        "ambiguous.plausibility",
+        "AMBIGUOUS when another pose is at least this plausible against the best one, as a ratio of likelihoods",
+        minimum=1e-12,
+        maximum=1.0,
+    )
+
+    def check(self) -> None:
+        """Refuse a noise of zero and thresholds in the wrong order."""
+        super().check()
+        if self.noise_image == self.noise_scene == self.noise_camera == 0.0:
+            raise ParameterError(
+                "parameters 'noise.image', 'noise.scene' and 'noise.camera' are all 0; at least one must be positive, "
+                "or no error could be told from the other"
+            )
+        if self.failed_residual < self.most_residual:
+            raise ParameterError(
+                f"parameter 'failed.residual' is {self.failed_residual}; it must be at least 'poor.residual', "
+                f"{self.most_residual}"
+            )
+
+
+@dataclass(frozen=True)
+class PoseEstimatorParameters(EstimationParameters, SceneParameters):
+    """The scene, how to estimate in it, and how the node treats time."""
+
+    features_timeout: float = parameter(
+        0.2,
+        "features_timeout",
+        "Features older than this on the node clock are refused",
+        unit="s",
+        minimum=1e-3,
+        maximum=60.0,
+    )
+    future_tolerance: float = parameter(
+        0.1,
+        "future_tolerance",
+        "Features stamped further ahead of the node clock than this are refused",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
+    last_pose_timeout: float = parameter(
+        1.0,
+        "last_pose_timeout",
+        "How long a pose with verdict OK is used as a start for the next ones",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
+    watchdog_period: float = parameter(
+        0.05,
+        "watchdog_period",
+        "How often the age of the features is checked (wall clock)",
+        unit="s",
+        minimum=1e-3,
+        maximum=10.0,
+        live=False,
+    )
+
+    def check(self) -> None:
+        """Refuse a scene that is not one, or has too few lines for a pose."""
+        super().check()
+        if len(self.lines_points) < 9:
+            raise ParameterError(
+                f"parameter 'lines.points' gives {len(self.lines_points) // 3} line(s); at least 3 are needed for a "
+                "camera pose"
+            )

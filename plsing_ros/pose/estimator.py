@@ -1,0 +1,179 @@
+"""The camera pose from one image of known lines, with all that is known about its error."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from plsing_ros.arrays import Array
+from plsing_ros.errors import ObservationError
+from plsing_ros.features import LineObservation
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.parameters.pose_estimator import EstimationParameters
+from plsing_ros.pose.covariance import Uncertainty, uncertainty
+from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate
+from plsing_ros.pose.hypotheses import Costs, Hypothesis, all_lines_hypotheses, outlier_hypotheses
+from plsing_ros.pose.residuals import ImageResiduals, LineNoise
+from plsing_ros.pose.seen_scene import SeenScene
+from plsing_ros.pose.verdict import judge
+
+# Sets of lines seen together whose preparation is kept.
+_MOST_SCENES = 64
+# Two poses differ when the covariance puts them apart by more than this, squared.
+_APART = 9.0
+_EQUAL = 1e-3
+
+
+class PoseEstimator:
+    """Estimates camera poses in one scene.
+
+    Args:
+        lines: The scene, in the world frame.
+        settings: Noise, thresholds and backend.
+
+    Raises:
+        ParameterError: If the backend is not installed.
+    """
+
+    def __init__(self, lines: LineSet, settings: EstimationParameters | None = None) -> None:
+        self.lines = lines
+        self.settings = settings if settings is not None else EstimationParameters()
+        self._row_of = {i: row for row, i in enumerate(lines.ids)}
+        self._scenes: dict[tuple[int, ...], SeenScene] = {}
+        self._noise = LineNoise(self.settings.noise_image, self.settings.noise_scene, self.settings.noise_camera)
+        self._costs = Costs(self.settings.outlier_gate**2, self.settings.reversal_cost)
+        if len(lines) >= 3:
+            self._scene(lines.ids)
+
+    def estimate(self, observation: LineObservation, last: Pose | None = None) -> PoseEstimate:
+        """Return what one image says about the camera pose.
+
+        Args:
+            observation: Image lines with ids; 3-D lines in it are not used.
+            last: T_world_camera of a moment ago, if known: one more first estimate, and the choice between poses that
+                are about as plausible.
+
+        Raises:
+            ObservationError: If a line is not in the scene.
+        """
+        ids = observation.usable_ids
+        unknown = [i for i in observation.ids if i not in self._row_of]
+        if unknown:
+            raise ObservationError(f"line id {unknown[0]} is not in the scene, whose ids are {list(self.lines.ids)}")
+        if len(ids) < 3:
+            return failed_estimate(f"{len(ids)} usable line(s) in the image; at least 3 are needed for a camera pose")
+        scene, image_lines = self._scene(ids), observation.usable_image_lines
+        image = ImageResiduals(
+            scene.lines.direction, scene.lines.moment, image_lines, self._noise, self.settings.largest_angle
+        )
+        found = [each for each in self._hypotheses(scene, image, image_lines, last) if scene.near(each.center)]
+        if not found:
+            return failed_estimate("no pose was found: the lines or their images are degenerate")
+        best = self._preferred(found, last)
+        spread = uncertainty(image, best.rotation, best.translation, best.residuals, best.weight)
+        if spread is None:
+            return failed_estimate("the image does not determine the pose: a motion of the camera moves no line")
+        return self._described(scene, best, found, spread)
+
+    def _scene(self, ids: tuple[int, ...]) -> SeenScene:
+        if ids not in self._scenes:
+            if len(self._scenes) >= _MOST_SCENES:
+                self._scenes.pop(next(iter(self._scenes)))
+            self._scenes[ids] = SeenScene(self.lines.select([self._row_of[i] for i in ids]), self.settings)
+        return self._scenes[ids]
+
+    def _hypotheses(
+        self, scene: SeenScene, image: ImageResiduals, image_lines: Array, last: Pose | None
+    ) -> list[Hypothesis]:
+        """Return the poses that explain the image, best first."""
+        rotation, translation = _with_last(*scene.triplets.candidates(image_lines), last)
+        if len(rotation) == 0:
+            return []
+        found = all_lines_hypotheses(image, rotation, translation, self._costs)
+        if image.count < 5 or (found and (self._costs.of_lines(found[0].residuals) <= self._costs.outlier).all()):
+            return found
+        own = scene.triplets.candidates(image_lines, all_lines=False)
+        rotation, translation = np.concatenate([rotation, own[0]]), np.concatenate([translation, own[1]])
+        return outlier_hypotheses(image, rotation, translation, self._costs) or found
+
+    def _preferred(self, found: list[Hypothesis], last: Pose | None) -> Hypothesis:
+        """Return the best hypothesis, or of those that are about as plausible the one closest to the last pose."""
+        if last is None:
+            return found[0]
+        least = self.settings.least_plausibility
+        plausible = [each for each in found if each.plausibility(found[0]) >= least]
+        return min(plausible, key=lambda each: float(np.linalg.norm(each.center - last.translation)))
+
+    def _described(
+        self, scene: SeenScene, best: Hypothesis, found: list[Hypothesis], spread: Uncertainty
+    ) -> PoseEstimate:
+        settings = self.settings
+        pose = Pose(best.rotation.T, best.center)
+        others: list[Hypothesis] = []
+        for each in found:
+            if each is best:
+                continue
+            plausible = each.plausibility(best) >= settings.least_plausibility
+            if plausible and self._differs(best, each, spread) and not any(_same(each, other) for other in others):
+                others.append(each)
+        alternatives = tuple(
+            Alternative(Pose(each.rotation.T, each.center), each.plausibility(best)) for each in others
+        )
+        used = np.flatnonzero(best.weight > 0.0)
+        freedom = 2 * len(used) - 6
+        residual = float(np.sqrt(best.squared_residual / freedom)) if freedom > 0 else 0.0
+        nearest = scene.nearest(pose.translation)
+        verdict, reason = judge(spread, residual, alternatives, nearest, settings)
+        if verdict is Verdict.FAILED:
+            return failed_estimate(reason)
+        ids = scene.lines.ids
+        start_rotation, start_translation = best.start
+        return PoseEstimate(
+            verdict=verdict,
+            reason=reason,
+            T_world_camera=pose,
+            covariance=spread.covariance,
+            covariance_trusted=spread.nonlinearity <= settings.most_nonlinearity and not alternatives,
+            position_deviation=spread.position_deviation,
+            rotation_deviation=spread.rotation_deviation,
+            nonlinearity=spread.nonlinearity,
+            inverse_condition_number=spread.inverse_condition_number,
+            weak_direction=spread.axes[0],
+            weak_standard_deviation=float(spread.deviation[0]),
+            residual=residual,
+            nearest=nearest,
+            alternatives=alternatives,
+            used_ids=tuple(ids[i] for i in used),
+            outlier_ids=tuple(ids[i] for i in np.flatnonzero(best.weight == 0.0)),
+            reversed_ids=tuple(ids[i] for i in used if best.residuals.reversed[0, i]),
+            first_estimate=Pose(start_rotation.T, -start_rotation.T @ start_translation),
+        )
+
+    def _differs(self, first: Hypothesis, second: Hypothesis, spread: Uncertainty) -> bool:
+        """Whether two poses are further apart than the limits, and than the first one's covariance allows."""
+        shift = second.center - first.center
+        turn = Rotation.from_matrix(second.rotation.T @ first.rotation).as_rotvec()
+        limits = self.settings
+        if np.linalg.norm(shift) <= limits.most_position_deviation and (
+            np.linalg.norm(turn) <= limits.most_rotation_deviation
+        ):
+            return False
+        in_camera = np.concatenate([first.rotation @ shift, first.rotation @ turn])
+        return bool((((spread.axes @ in_camera) / spread.deviation) ** 2).sum() > _APART)
+
+
+def _with_last(rotation: Array, translation: Array, last: Pose | None) -> tuple[Array, Array]:
+    if last is None:
+        return rotation, translation
+    inverse = last.inverse()
+    return (
+        np.concatenate([rotation, inverse.rotation[np.newaxis]]),
+        np.concatenate([translation, inverse.translation[np.newaxis]]),
+    )
+
+
+def _same(first: Hypothesis, second: Hypothesis) -> bool:
+    return bool(
+        np.abs(first.rotation - second.rotation).max() < _EQUAL
+        and np.abs(first.center - second.center).max() < _EQUAL * (1.0 + np.abs(first.center).max())
+    )
