@@ -22,6 +22,7 @@ from plsing_ros.singularities import singular_set
 _EPILOG = """examples:
   demo                        Starts 1 to 4 of the paper
   demo --starts 2             only the one that blows up
+  demo --estimate-pose        without the simulator's ground truth: image lines only
   demo --output /tmp/figures  write the figures there"""
 
 
@@ -39,6 +40,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--output", type=Path, default=Path("demo_output"), help="folder of the figures (%(default)s)")
     parser.add_argument(
         "--executor", choices=("events", "single"), default="events", help="rclpy executor (%(default)s)"
+    )
+    parser.add_argument(
+        "--estimate-pose",
+        action="store_true",
+        help="show the nodes image lines only, as a tracker does, and estimate the camera pose from them",
     )
     options = parser.parse_args(argv)
     try:
@@ -58,7 +64,7 @@ def _run(options: argparse.Namespace) -> None:
     print(f"The paper's four lines: {found.description}")
     print(f"Starts within 1.1 m of a target near {found.transversals[0].name}, lambda = {experiment.GAIN} 1/s\n")
     _make_folder(options.output)
-    records = [_run_start(experiment.STARTS[number - 1], params_file, options.executor) for number in options.starts]
+    records = [_run_start(experiment.STARTS[number - 1], params_file, options) for number in options.starts]
     print(f"\n{summary_table(records)}\n")
     for file in save_figures(records, found, options.output):
         print(f"figure: {file}")
@@ -72,7 +78,7 @@ def _make_folder(folder: Path) -> None:
         raise PlsingError(f"cannot write the figures to {folder}: {error}; choose another --output") from None
 
 
-def _run_start(start: experiment.Start, params_file: Path, executor: str) -> RunRecord:
+def _run_start(start: experiment.Start, params_file: Path, options: argparse.Namespace) -> RunRecord:
     at_start = float(np.linalg.norm(start.position - experiment.TARGET_POSITION))
     # Distances shrink by a constant factor each second when all goes well, so their logarithm is the progress.
     decades = np.log10(at_start / experiment.ARRIVED)
@@ -107,5 +113,6 @@ def _run_start(start: experiment.Start, params_file: Path, executor: str) -> Run
             most_steps=experiment.MOST_STEPS,
             on_frame=on_frame,
             on_alert=on_alert,
-            executor=executor,
+            executor=options.executor,
+            estimate_pose=options.estimate_pose,
         )

@@ -15,9 +15,11 @@ from plsing_ros.errors import PlsingError
 from plsing_ros.experiments.run_record import Alert, RunRecord
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import Controller
-from plsing_ros.nodes.conversions import camera_pose_from_message, nanoseconds, twist_from_message
+from plsing_ros.nodes.conversions import nanoseconds, twist_from_message
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
 from plsing_ros.nodes.harness import Collected, Harness
+from plsing_ros.nodes.pose_conversions import camera_pose_from_message
+from plsing_ros.nodes.pose_estimator import PoseEstimator
 from plsing_ros.nodes.singularity_monitor import SingularityMonitor
 from plsing_ros.servoing.levels import Level
 from plsing_ros.servoing.simulation import FIRST_STAMP
@@ -35,6 +37,7 @@ def run_closed_loop(
     on_frame: Callable[[int, float], None] = lambda number, distance: None,
     on_alert: Callable[[Alert], None] = lambda alert: None,
     executor: str = "events",
+    estimate_pose: bool = False,
 ) -> RunRecord:
     """Run the three nodes from a start until the camera is at the target.
 
@@ -48,6 +51,7 @@ def run_closed_loop(
         on_frame: Called with each frame's number and distance to the target [m].
         on_alert: Called with each alert as it comes in.
         executor: As in plsing_ros.nodes.run.make_executor.
+        estimate_pose: The simulator shows image lines only, and a pose_estimator completes them for the others.
 
     Raises:
         PlsingError: If a parameter is refused, the loop stops, or a message was lost.
@@ -55,15 +59,24 @@ def run_closed_loop(
     with Harness(executor, log_level="ERROR") as ros:
         best_effort = QoSProfile(depth=100, reliability=qos.SENSOR_DATA.reliability)
         reliable = QoSProfile(depth=100)
-        poses = ros.collect(PoseWithCovarianceStamped, "camera_pose", best_effort)
+        truth = "true_camera_pose" if estimate_pose else "camera_pose"
+        completed = {"line_features": "completed_line_features"} if estimate_pose else {}
+        poses = ros.collect(PoseWithCovarianceStamped, truth, best_effort)
         twists = ros.collect(TwistStamped, "cmd_twist", reliable)
         states = ros.collect(ControllerState, "controller/state", reliable)
         statuses = ros.collect(SingularityStatus, "singularity_status", reliable)
         alerts = ros.collect(SingularityAlert, "singularity_alerts", qos.LATCHED)
-        ros.add(SingularityMonitor, params_file, {"use_sim_time": True})
-        controller = ros.add(Controller, params_file, {"use_sim_time": True, **target})
-        in_lockstep = {"mode": "lockstep", "publish_clock": True, "wait_for_status": True}
-        simulator = ros.add(FeatureSimulator, params_file, {**in_lockstep, **start})
+        ros.add(SingularityMonitor, params_file, {"use_sim_time": True}, completed)
+        controller = ros.add(Controller, params_file, {"use_sim_time": True, **target}, completed)
+        if estimate_pose:
+            ros.add(PoseEstimator, params_file, {"use_sim_time": True})
+        in_lockstep = {
+            "mode": "lockstep",
+            "publish_clock": True,
+            "wait_for_status": True,
+            "image_only": estimate_pose,
+        }
+        simulator = ros.add(FeatureSimulator, params_file, {**in_lockstep, **start}, {"camera_pose": truth})
         destination = controller.parameters.target_pose().translation
         time_step = round(simulator.parameters.time_step * _SECOND)
 
@@ -72,16 +85,16 @@ def run_closed_loop(
         for number in range(1, most_steps + 1):
             stamp = FIRST_STAMP + (number - 1) * time_step
             ros.spin_until(
-                lambda: all(each and _stamp(each[-1]) >= stamp for each in (poses, twists, states, statuses)),
+                lambda: all(each and stamp_of(each[-1]) >= stamp for each in (poses, twists, states, statuses)),
                 f"frame {number} of {name}",
             )
-            pose = camera_pose_from_message(_of_stamp(poses, stamp), simulator.parameters.scene_frame)
+            pose = camera_pose_from_message(message_of_stamp(poses, stamp), simulator.parameters.scene_frame)
             distance = float(np.linalg.norm(pose.translation - destination))
             on_frame(number, distance)
             # Before the first frame the monitor truly says that it has no features; that is not part of the run.
-            of_run = [each for each in alerts if _stamp(each) >= FIRST_STAMP]
+            of_run = [each for each in alerts if stamp_of(each) >= FIRST_STAMP]
             for message in of_run[len(reported) :]:
-                seconds = (_stamp(message) - FIRST_STAMP) / _SECOND
+                seconds = (stamp_of(message) - FIRST_STAMP) / _SECOND
                 reported.append(Alert(seconds, Level(message.level), message.text))
                 on_alert(reported[-1])
             is_there = distance <= arrived
@@ -108,12 +121,18 @@ def run_closed_loop(
         )
 
 
-def _stamp(message: Any) -> int:
+def stamp_of(message: Any) -> int:
+    """Return a message's stamp [ns]."""
     return nanoseconds(message.header.stamp)
 
 
-def _of_stamp(messages: Collected, stamp: int) -> Any:
-    found = next((each for each in reversed(messages) if _stamp(each) == stamp), None)
+def message_of_stamp(messages: Collected, stamp: int) -> Any:
+    """Return the latest message with a stamp [ns].
+
+    Raises:
+        PlsingError: If there is none.
+    """
+    found = next((each for each in reversed(messages) if stamp_of(each) == stamp), None)
     if found is None:
         raise PlsingError(
             f"the message of {messages.topic} at {stamp / _SECOND:g} s was lost; is the machine overloaded?"
@@ -122,7 +141,7 @@ def _of_stamp(messages: Collected, stamp: int) -> Any:
 
 
 def _rows(messages: Collected, stamps: Sequence[int]) -> list[Any]:
-    by_stamp = {_stamp(each): each for each in messages}
+    by_stamp = {stamp_of(each): each for each in messages}
     missing = [each for each in stamps if each not in by_stamp]
     if missing:
         raise PlsingError(

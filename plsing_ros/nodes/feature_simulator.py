@@ -5,29 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from plsing_msgs.msg import LineFeatureArray, SimulatorState, SingularityStatus
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
-    camera_pose_message,
     features_message,
+    fill_twist,
     header,
     nanoseconds,
     time_message,
     twist_from_message,
-    twist_message,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
+from plsing_ros.nodes.pose_conversions import camera_pose_message
 from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import SimulatorParameters
-from plsing_ros.servoing.simulation import Simulation
+from plsing_ros.servoing.simulation import Frame, Simulation
 
 
 class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
@@ -99,16 +99,19 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
         self._pose.publish(camera_pose_message(frame.T_world_camera, in_scene))
         self._diagnostics.count(frame.stamp)
         self._features.publish(features_message(frame.observation, header(frame.stamp, parameters.camera_frame)))
-        self._state.publish(
-            SimulatorState(
-                header=in_scene,
-                mode=SimulatorState.LOCKSTEP if self._lockstep else SimulatorState.REALTIME,
-                step=frame.step,
-                waiting=bool(frame.reason),
-                reason=frame.reason,
-                twist=twist_message(np.asarray(frame.twist)),
-            )
+        if self._state.get_subscription_count():
+            self._publish_state(frame, in_scene)
+
+    def _publish_state(self, frame: Frame, head: Header) -> None:
+        state = SimulatorState(
+            header=head,
+            mode=SimulatorState.LOCKSTEP if self._lockstep else SimulatorState.REALTIME,
+            step=frame.step,
+            waiting=bool(frame.reason),
+            reason=frame.reason,
         )
+        fill_twist(state.twist, frame.twist)
+        self._state.publish(state)
 
     def _report_diagnostics(self) -> tuple[bytes, str, Mapping[str, str]]:
         frame = self._simulation.frame()

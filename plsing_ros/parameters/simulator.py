@@ -48,6 +48,17 @@ class SimulatorParameters(SceneParameters):
         minimum=0.0,
         maximum=1.0,
     )
+    noise_on: str = parameter(
+        "both",
+        "noise_on",
+        "What has the noise: lines (the 3-D lines only, as a badly known scene), image (the image lines only), or both",
+        choices=("both", "lines", "image"),
+    )
+    image_only: bool = parameter(
+        False,
+        "image_only",
+        "Publish image lines without their 3-D lines, as a tracker without depth does",
+    )
     seed: int = parameter(0, "seed", "Seed of the noise", minimum=0, maximum=2**31 - 1, live=False)
     publish_clock: bool = parameter(
         False,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plsing_ros.arrays import Array
-from plsing_ros.features import LineObservation
+from plsing_ros.features import LineObservation, degenerate_projections
 from plsing_ros.geometry import LineSet, Pose
 
 
@@ -17,7 +17,15 @@ class SimulatedCamera:
         T_world_camera: Where the camera is.
     """
 
-    def __init__(self, lines: LineSet, T_world_camera: Pose, frame: str, noise: float = 0.0, seed: int = 0) -> None:
+    def __init__(
+        self,
+        lines: LineSet,
+        T_world_camera: Pose,
+        frame: str,
+        noise: float = 0.0,
+        seed: int = 0,
+        noise_on: str = "both",
+    ) -> None:
         """Place a camera.
 
         Args:
@@ -28,17 +36,25 @@ class SimulatedCamera:
                 (unit direction and moment in m). The noisy coordinates are brought back to a line: the direction to
                 unit length, the moment orthogonal to it.
             seed: Seed of the one generator that all noise comes from.
+            noise_on: "lines": only the 3-D lines have the noise, "image": only the image lines, "both": the image lines
+                are those of the noisy 3-D lines.
         """
         self.lines = lines
         self.T_world_camera = T_world_camera
         self.noise = noise
+        self.noise_on = noise_on
         self._frame = frame
         self._generator = np.random.default_rng(seed)
 
     def observe(self) -> LineObservation:
         """Return what the camera sees now; draws new noise at every call."""
         lines = self.lines.transformed(self.T_world_camera.inverse(), self._frame)
-        return LineObservation.of_lines(self._noisy(lines) if self.noise > 0.0 else lines)
+        if self.noise == 0.0:
+            return LineObservation.of_lines(lines)
+        noisy = self._noisy(lines)
+        if self.noise_on == "both":
+            return LineObservation.of_lines(noisy)
+        return _mixed(lines, noisy) if self.noise_on == "lines" else _mixed(noisy, lines)
 
     def move(self, twist: Array, duration: float) -> None:
         """Move with a constant twist (v, omega) in the optical frame, shape (6,) [m/s, rad/s], for duration [s].
@@ -55,3 +71,11 @@ class SimulatedCamera:
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         moment -= np.einsum("ij,ij->i", moment, direction)[:, np.newaxis] * direction
         return LineSet(direction, moment, lines.frame, lines.ids)
+
+
+def _mixed(of_image: LineSet, in_space: LineSet) -> LineObservation:
+    """Return the image lines of one set of lines with the 3-D lines of another."""
+    seen = LineObservation.of_lines(of_image)
+    usable = seen.usable & ~degenerate_projections(in_space)
+    kept = in_space.select(np.flatnonzero(usable)) if usable.any() else None
+    return LineObservation(seen.ids, seen.image_lines * usable[:, np.newaxis], usable, kept)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,6 +52,7 @@ class Simulation:
             parameters.camera_frame,
             parameters.noise,
             parameters.seed,
+            parameters.noise_on,
         )
         self._stamp = FIRST_STAMP
         self._step = 0
@@ -60,12 +62,13 @@ class Simulation:
         self._applied: Array = np.zeros(6)
         self._reason = "no twist received yet"
         self._idle = True
-        self._observation = self._camera.observe()
+        self._observation = self._observe()
 
     def apply(self, parameters: SimulatorParameters) -> None:
         """Use a changed scene and noise from the next frame on, and a changed start pose at the next reset."""
         self._camera.lines = parameters.lines()
         self._camera.noise = parameters.noise
+        self._camera.noise_on = parameters.noise_on
         self._parameters = parameters
 
     def reset(self) -> None:
@@ -76,7 +79,7 @@ class Simulation:
         self._reason = "no twist received since the reset"
         self._twist = None
         self._next_stamp()
-        self._observation = self._camera.observe()
+        self._observation = self._observe()
 
     def receive_twist(self, twist: Array, stamp: int) -> None:
         """Take a twist (v, omega) in the optical frame, shape (6,), for the frame of that stamp [ns].
@@ -103,7 +106,7 @@ class Simulation:
         self._twist = None
         if moved:
             self._next_stamp()
-            self._observation = self._camera.observe()
+            self._observation = self._observe()
         return moved
 
     def step_in_realtime(self, now: int) -> None:
@@ -118,7 +121,7 @@ class Simulation:
         else:
             self._applied = np.zeros(6)
         self._stamp = now
-        self._observation = self._camera.observe()
+        self._observation = self._observe()
 
     def idle_since_last_call(self) -> bool:
         """Return whether no step was made since this was last asked."""
@@ -130,6 +133,10 @@ class Simulation:
         return Frame(
             self._stamp, self._step, self._camera.T_world_camera, self._observation, self._applied, self._reason
         )
+
+    def _observe(self) -> LineObservation:
+        seen = self._camera.observe()
+        return dataclasses.replace(seen, lines_camera=None) if self._parameters.image_only else seen
 
     def _move(self, twist: Array) -> bool:
         try:

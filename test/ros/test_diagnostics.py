@@ -6,10 +6,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import Controller
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
+from plsing_ros.nodes.pose_estimator import PoseEstimator
 from plsing_ros.nodes.singularity_monitor import SingularityMonitor
 
 
-@pytest.mark.parametrize("node", [Controller, FeatureSimulator, SingularityMonitor])
+@pytest.mark.parametrize("node", [Controller, FeatureSimulator, PoseEstimator, SingularityMonitor])
 def test_every_node_reports_once_a_second(ros, paper, node):
     diagnostics = ros.collect(DiagnosticArray, "/diagnostics", qos.STATUS)
     created = ros.add(node, paper)

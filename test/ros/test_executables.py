@@ -17,7 +17,7 @@ from plsing_ros.experiments.config_files import config_file
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.harness import Harness
 
-NODES = ["feature_simulator", "controller", "singularity_monitor"]
+NODES = ["feature_simulator", "controller", "pose_estimator", "singularity_monitor"]
 PAPER = ["--ros-args", "--params-file", str(config_file("paper_p4l.yaml"))]
 
 

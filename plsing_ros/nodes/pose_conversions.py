@@ -1,0 +1,87 @@
+"""Between messages about camera poses and the core's values."""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from std_msgs.msg import Header
+
+from plsing_msgs.msg import PoseEstimate as PoseEstimateMessage
+from plsing_ros.arrays import Array
+from plsing_ros.errors import GeometryError
+from plsing_ros.geometry import Pose
+from plsing_ros.nodes.conversions import flat, locus_distance_message, twist_message
+from plsing_ros.pose import PoseEstimate
+
+
+def pose_message(T_world_camera: Pose) -> PoseMessage:
+    """Return a pose."""
+    message = PoseMessage()
+    _fill(message, T_world_camera)
+    return message
+
+
+def camera_pose_message(
+    T_world_camera: Pose, head: Header, covariance: Array | None = None
+) -> PoseWithCovarianceStamped:
+    """Return the camera's pose in the frame of the header; exactly known, so of zero covariance, if none is given."""
+    message = PoseWithCovarianceStamped(header=head)
+    _fill(message.pose.pose, T_world_camera)
+    if covariance is not None:
+        message.pose.covariance = covariance.ravel()
+    return message
+
+
+def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str) -> Pose:
+    """Return T_world_camera.
+
+    Raises:
+        GeometryError: If a value is not finite, the quaternion is not of unit length, or the frame is another one.
+    """
+    return _pose("camera_pose", message.header.frame_id, message.pose.pose, frame)
+
+
+def pose_from_message(message: PoseStamped, frame: str) -> Pose:
+    """Return T_world_camera of a request; an empty frame means the scene's.
+
+    Raises:
+        GeometryError: As for camera_pose_from_message.
+    """
+    return _pose("the pose", message.header.frame_id or frame, message.pose, frame)
+
+
+def pose_estimate_message(estimate: PoseEstimate, head: Header) -> PoseEstimateMessage:
+    """Return the state that says how far an estimate can be trusted; the identity pose if there is none."""
+    message = PoseEstimateMessage(
+        header=head,
+        verdict=int(estimate.verdict),
+        reason=estimate.reason,
+        covariance_trusted=estimate.covariance_trusted,
+        inverse_condition_number=estimate.inverse_condition_number,
+        weak_direction=twist_message(estimate.weak_direction),
+        weak_standard_deviation=estimate.weak_standard_deviation,
+        residual=estimate.residual,
+        nearest=locus_distance_message(estimate.nearest),
+        alternatives=[pose_message(each.T_world_camera) for each in estimate.alternatives],
+        plausibilities=flat(np.array([each.plausibility for each in estimate.alternatives])),
+        used_ids=estimate.used_ids,
+        outlier_ids=estimate.outlier_ids,
+        reversed_ids=estimate.reversed_ids,
+    )
+    if estimate.T_world_camera is not None:
+        message.pose = camera_pose_message(estimate.T_world_camera, head, estimate.covariance).pose
+    return message
+
+
+def _fill(message: PoseMessage, T_world_camera: Pose) -> None:
+    position, orientation = message.position, message.orientation
+    position.x, position.y, position.z = T_world_camera.translation.tolist()
+    orientation.x, orientation.y, orientation.z, orientation.w = T_world_camera.quaternion_xyzw.tolist()
+
+
+def _pose(what: str, given_frame: str, pose: PoseMessage, frame: str) -> Pose:
+    if given_frame != frame:
+        raise GeometryError(f"{what} is in frame '{given_frame}', expected '{frame}' (parameter scene_frame)")
+    position, q = pose.position, pose.orientation
+    return Pose.from_quaternion([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])

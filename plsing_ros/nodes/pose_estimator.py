@@ -1,0 +1,119 @@
+"""Node pose_estimator: the camera pose from image lines, and how far it can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+
+from plsing_msgs.msg import LineFeatureArray, PoseEstimate
+from plsing_ros.errors import PlsingError
+from plsing_ros.nodes import qos
+from plsing_ros.nodes.conversions import features_message, header, nanoseconds, observation_from_message
+from plsing_ros.nodes.diagnostics import Diagnostics
+from plsing_ros.nodes.parameterized_node import ParameterizedNode
+from plsing_ros.nodes.pose_conversions import camera_pose_message, pose_estimate_message
+from plsing_ros.nodes.run import run_node
+from plsing_ros.parameters import PoseEstimatorParameters
+from plsing_ros.pose import Verdict
+from plsing_ros.servoing.pose_tracking import PoseTracking, TrackedPose
+
+_DIAGNOSTIC_LEVELS = {
+    Verdict.OK: DiagnosticStatus.OK,
+    Verdict.POOR: DiagnosticStatus.WARN,
+    Verdict.AMBIGUOUS: DiagnosticStatus.ERROR,
+    Verdict.FAILED: DiagnosticStatus.ERROR,
+}
+
+
+class PoseEstimator(ParameterizedNode[PoseEstimatorParameters]):
+    """Answers each line_features with ~/state, and with camera_pose and completed_line_features where there is a pose.
+
+    A pose that another one is as plausible as is not published on camera_pose; the features completed with it carry
+    the verdict, which the controller and the monitor act on.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("pose_estimator", PoseEstimatorParameters, **options)
+        try:
+            self._tracking = PoseTracking(self.parameters)
+        except PlsingError:
+            self.destroy_node()
+            raise
+        self._latest: TrackedPose | None = None
+        self._pose = self.publish_on(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
+        self._completed = self.publish_on(LineFeatureArray, "completed_line_features", qos.SENSOR_DATA)
+        self._state = self.publish_on(PoseEstimate, "~/state", qos.STATUS)
+        self._diagnostics = Diagnostics(self, self._report_diagnostics)
+        self.listen_to(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
+        self.every(self.parameters.watchdog_period, self._on_watchdog)
+
+    def apply(self, parameters: PoseEstimatorParameters) -> None:
+        """Use changed parameters from the next features on."""
+        self._tracking.parameters = parameters
+
+    def _on_features(self, message: LineFeatureArray) -> None:
+        stamp = nanoseconds(message.header.stamp)
+        try:
+            observation = observation_from_message(message, self.parameters.camera_frame)
+            tracked = self._tracking.track(observation, stamp, self.now())
+        except PlsingError as error:
+            tracked = self._tracking.fail(str(error))
+        self._publish(tracked, stamp)
+        self._diagnostics.count(stamp)
+
+    def _on_watchdog(self) -> None:
+        tracked = self._tracking.silence(self.now())
+        if tracked is not None:
+            self._publish(tracked, self.now())
+
+    def _publish(self, tracked: TrackedPose, stamp: int) -> None:
+        estimate, in_scene = tracked.estimate, header(stamp, self.parameters.scene_frame)
+        if estimate.T_world_camera is not None and estimate.verdict is not Verdict.AMBIGUOUS:
+            self._pose.publish(camera_pose_message(estimate.T_world_camera, in_scene, estimate.covariance))
+        if tracked.completed is not None:
+            in_camera = header(stamp, self.parameters.camera_frame)
+            self._completed.publish(features_message(tracked.completed, in_camera))
+        self._state.publish(pose_estimate_message(estimate, in_scene))
+        previous, self._latest = self._latest, tracked
+        if previous is None or previous.estimate.verdict is not estimate.verdict:
+            self.report(f"{estimate.verdict.name}  {estimate.reason}".strip(), good=estimate.verdict is Verdict.OK)
+
+    def _report_diagnostics(self) -> tuple[bytes, str, Mapping[str, str]]:
+        if self._latest is None:
+            return DiagnosticStatus.STALE, "no features received yet", {}
+        estimate = self._latest.estimate
+        nearest = estimate.nearest
+        return (
+            _DIAGNOSTIC_LEVELS[estimate.verdict],
+            f"{estimate.verdict.name} {estimate.reason}".strip(),
+            {
+                "covariance": "trusted" if estimate.covariance_trusted else "not to be trusted",
+                "standard deviation of the position [m]": f"{estimate.position_deviation:.3g}",
+                "standard deviation of the orientation [rad]": f"{estimate.rotation_deviation:.3g}",
+                "inverse condition number": f"{estimate.inverse_condition_number:.4g}",
+                "nearest locus": "none" if nearest is None else f"{nearest.name}, {nearest.distance:.3f} m",
+            },
+        )
+
+
+_EXAMPLES = """examples:
+  ros2 run plsing_ros pose_estimator --ros-args --params-file config/paper_p4l.yaml
+  ros2 topic echo /pose_estimator/state --field verdict
+
+The whole chain without ground truth: the simulator shows image lines only, the others use the estimate.
+  ros2 run plsing_ros feature_simulator --ros-args --params-file config/paper_p4l.yaml \\
+      -p image_only:=true -r camera_pose:=true_camera_pose
+  ros2 run plsing_ros controller --ros-args --params-file config/paper_p4l.yaml \\
+      -r line_features:=completed_line_features
+  ros2 run plsing_ros singularity_monitor --ros-args --params-file config/paper_p4l.yaml \\
+      -r line_features:=completed_line_features
+
+All parameters with units and ranges: config/pose_estimator.yaml"""
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(PoseEstimator, __doc__.split("\n")[0], _EXAMPLES)
