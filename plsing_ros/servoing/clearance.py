@@ -1,0 +1,108 @@
+"""How far camera centres are from everything singular, for many centres at once, and how far they must be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.singularities import Kind, SingularSet
+
+# Share of an end's own distance to a locus that is kept there, and by how much more for each metre away from the end.
+_KEPT = 0.9
+_SLOPE = 0.5
+
+_THIN = (Kind.TRANSVERSAL, Kind.ISOLATED_POINT, Kind.OBSERVED_LINE)
+
+
+class Clearance:
+    """Distances of a way from start to goal to every part of a singular set, against the distance to keep.
+
+    The distance to keep from a part is the margin, but near the ends no more than they have themselves: 0.9 of it, and
+    0.5 m more for each metre away. Parts with an end on them can be left and reached that way. Surfaces that separate
+    start and goal must be crossed and are left out, and all surfaces if asked for; they are `crossed`.
+
+    Attributes:
+        start: Camera centre at the start, in the frame of the lines, shape (3,) [m].
+        goal: At the goal, likewise.
+        margin: [m].
+        names: Of the parts kept clear of, in the order of the columns.
+        crossed: Names of the surfaces left out.
+    """
+
+    def __init__(self, found: SingularSet, start: Array, goal: Array, margin: float, keep_side: bool = True) -> None:
+        """Prepare for one task.
+
+        Args:
+            found: The singular set.
+            start: Camera centre at the start, in the frame of the lines, shape (3,) [m].
+            goal: At the goal, likewise.
+            margin: [m].
+            keep_side: Whether surfaces that do not separate start and goal are kept clear of.
+        """
+        self.start, self.goal, self.margin = start, goal, margin
+        ends = np.array([start, goal])
+        signs = [np.sign(surface.value(ends)) for surface in found.surfaces]
+        kept = [
+            (surface, float(first or last or 1.0))
+            for surface, (first, last) in zip(found.surfaces, signs, strict=True)
+            if keep_side and first * last >= 0.0
+        ]
+        self.crossed = tuple(each.name for each in found.surfaces if each not in [surface for surface, _ in kept])
+        self._surfaces = kept
+        thin = [i for i, kind in enumerate(found.locus_kinds) if kind in _THIN]
+        self.names = tuple(found.locus_names[i] for i in thin) + tuple(surface.name for surface, _ in kept)
+        single, points, lines = found.transversals, found.isolated_points, found.lines
+        self._point = np.vstack([*(each.point for each in single), points, lines.point])
+        # A point is a line whose direction is zero.
+        self._direction = np.vstack([*(each.direction for each in single), np.zeros_like(points), lines.direction])
+        self._at_ends = self.distances(ends)
+
+    def distances(self, centers: Array) -> Array:
+        """Return the distances of camera centres (k, 3) to each part, shape (k, parts) [m].
+
+        To quadrics and cubics it is of first order, and negative on the side where start and goal are not.
+        """
+        thin = np.linalg.norm(self._offsets(centers), axis=2)
+        sides = [
+            sign * surface.value(centers) / np.maximum(np.linalg.norm(surface.gradient(centers), axis=1), 1e-300)
+            for surface, sign in self._surfaces
+        ]
+        return np.column_stack([thin, *sides])
+
+    def to_keep(self, centers: Array) -> Array:
+        """Return the distances that camera centres (k, 3) must keep from each part, shape (k, parts) [m]."""
+        keep = np.full((len(centers), len(self.names)), self.margin)
+        for end, distance in zip((self.start, self.goal), self._at_ends, strict=True):
+            away = np.linalg.norm(centers - end, axis=1)[:, np.newaxis]
+            keep = np.minimum(keep, _KEPT * np.maximum(distance, 0.0) + _SLOPE * away)
+        return keep
+
+    def excess(self, centers: Array) -> Array:
+        """Return by how much camera centres (k, 3) are farther from every part than they must be, shape (k,) [m]."""
+        excess: Array = (self.distances(centers) - self.to_keep(centers)).min(axis=1)
+        return excess
+
+    def ways_out(self, center: Array, part: int, along: Array, count: int) -> Array:
+        """Return unit vectors (count, 3), across the direction of motion `along`, that lead away from a part.
+
+        For a line the first leads straight away from it and from the direction of motion.
+        """
+        axis = self._direction[part] if part < len(self._direction) else np.zeros(3)
+        first = np.cross(axis, along)
+        if np.linalg.norm(first) < 1e-6:
+            offset = self._offsets(center[np.newaxis])[0, part] if part < len(self._direction) else np.zeros(3)
+            first = offset - (offset @ along) * along
+        if np.linalg.norm(first) < 1e-6:
+            first = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+        first /= np.linalg.norm(first)
+        second = np.cross(along, first)
+        angle = np.arange(count)[:, np.newaxis] * (2.0 * np.pi / count)
+        vectors: Array = np.cos(angle) * first + np.sin(angle) * second
+        return vectors
+
+    def _offsets(self, centers: Array) -> Array:
+        """Return the vectors from the closest points of lines and points to centres, shape (k, parts, 3) [m]."""
+        offset = centers[:, np.newaxis] - self._point
+        along = np.einsum("kpi,pi->kp", offset, self._direction)
+        across: Array = offset - along[:, :, np.newaxis] * self._direction
+        return across
