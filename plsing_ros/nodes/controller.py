@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import traceback
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Path
 from std_srvs.srv import SetBool
 
-from plsing_msgs.msg import ControllerState, LineFeatureArray
+from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityStatus
+from plsing_msgs.srv import CheckTarget
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
@@ -22,16 +25,26 @@ from plsing_ros.nodes.conversions import (
 from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.run import run_node
+from plsing_ros.nodes.way_conversions import path_message, target_answer, target_question
 from plsing_ros.parameters import ControllerParameters
-from plsing_ros.servoing.line_servo import Command, LineServo, Mode
+from plsing_ros.servoing.command import Command, Mode
+from plsing_ros.servoing.detour import Plan
+from plsing_ros.servoing.line_servo import LineServo
+from plsing_ros.servoing.zero_twists import ZeroTwists
 
-_DIAGNOSTIC_LEVELS = {
+_LEVELS = {
     Mode.WAITING: DiagnosticStatus.STALE,
     Mode.SERVOING: DiagnosticStatus.OK,
     Mode.CONVERGED: DiagnosticStatus.OK,
     Mode.HALTED: DiagnosticStatus.ERROR,
     Mode.DISABLED: DiagnosticStatus.OK,
+    Mode.STALLED: DiagnosticStatus.WARN,
+    Mode.REFUSED: DiagnosticStatus.ERROR,
 }
+
+
+# Of a published way.
+_WAY_POSES = 100
 
 
 class Controller(ParameterizedNode[ControllerParameters]):
@@ -44,19 +57,30 @@ class Controller(ParameterizedNode[ControllerParameters]):
         except PlsingError:
             self.destroy_node()
             raise
+        parameters = self.parameters
+        self._output_frame = parameters.tool_frame or parameters.camera_frame
+        self._zero_twists = ZeroTwists()
+        self._latest: Command | None = None
+        self._warning = ""
         self._twist = self.publish_on(TwistStamped, "cmd_twist", qos.COMMAND)
         self._state = self.publish_on(ControllerState, "~/state", qos.STATUS)
-        self.listen_to(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
-        if self.parameters.target_source == "topic":
-            self.listen_to(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
-        self._latest: Command | None = None
+        self.listen_to(LineFeatureArray, "line_features", self._or_halt(self._on_features), qos.SENSOR_DATA)
+        if parameters.target_source == "topic":
+            self.listen_to(LineFeatureArray, "desired_line_features", self._or_halt(self._on_desired), qos.LATCHED)
+        if parameters.gate == "status":
+            self.listen_to(SingularityStatus, "singularity_status", self._or_halt(self._on_status), qos.STATUS)
+        self._way = self.publish_on(Path, "~/way", qos.LATCHED)
+        self._plan: Plan | None = None
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.create_service(SetBool, "~/enable", self._on_enable)
-        self.every(self.parameters.watchdog_period, self._on_watchdog)
+        self.create_service(CheckTarget, "~/check_target", self._or_halt(self._on_check_target))
+        self.every(parameters.watchdog_period, self._or_halt(self._on_watchdog))
+        self._report_warning()
 
     def apply(self, parameters: ControllerParameters) -> None:
         """Use changed parameters from the next features on."""
         self._servo.parameters = parameters
+        self._report_warning()
 
     def stop(self) -> None:
         """Command zero twist."""
@@ -77,37 +101,87 @@ class Controller(ParameterizedNode[ControllerParameters]):
             self._servo.set_target(observation_from_message(message, self.parameters.camera_frame))
         except PlsingError as error:
             self.get_logger().error(f"desired_line_features refused, the target stays as it was: {error}")
+        self._report_warning()
+
+    def _on_status(self, message: SingularityStatus) -> None:
+        self._servo.gate.receive(message.level, message.reason, nanoseconds(message.header.stamp), self.now())
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._servo.enabled = request.data
         response.success, response.message = True, "enabled" if request.data else "disabled: zero twist"
         return response
 
+    def _on_check_target(self, request: CheckTarget.Request, response: CheckTarget.Response) -> CheckTarget.Response:
+        frame = self.parameters.scene_frame
+        note = "" if self.parameters.law == "detour" else f"law {self.parameters.law} plans no way; detour would say: "
+        try:
+            return target_answer(
+                self._servo.check_target(*target_question(request, frame)), note, header(self.now(), frame)
+            )
+        except PlsingError as error:
+            response.success, response.message = False, str(error)
+            return response
+
     def _on_watchdog(self) -> None:
         command = self._servo.silence(self.now())
         if command is not None:
             self._command(command, self.now())
 
+    def _or_halt(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a callback that commands zero if it fails by a fault of our own, and lets the node go on."""
+
+        def guarded(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except Exception as error:
+                self.get_logger().error(traceback.format_exc(), throttle_duration_sec=1.0)
+                self._command(self._servo.halt(f"a fault in the controller itself: {error!r}"), self.now())
+                # What a service answers; a subscription returns nothing.
+                return arguments[-1] if arguments else None
+
+        return guarded
+
     def _command(self, command: Command, stamp: int) -> None:
-        head = header(stamp, self.parameters.camera_frame)
-        # Without a single usable message nobody has asked this controller to move anything, not even to stop it.
-        if command.mode is not Mode.WAITING:
-            self._twist.publish(twist_stamped(command.twist, head))
-        self._state.publish(controller_state_message(command, head))
+        if self._zero_twists.to_be_published(command, self.parameters.zero_twists):
+            self._twist.publish(twist_stamped(command.output, header(stamp, self._output_frame)))
+        if self._state.get_subscription_count():
+            self._state.publish(
+                controller_state_message(command, self.parameters.law, header(stamp, self.parameters.camera_frame))
+            )
+        self._publish_way(stamp)
         previous, self._latest = self._latest, command
         if previous is None or command.mode is not previous.mode:
-            self.report(f"{command.mode.name}  {command.reason}".strip(), good=command.mode is not Mode.HALTED)
+            bad = _LEVELS[command.mode] in (DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+            self.report(f"{command.mode.name}  {command.reason}".strip(), good=not bad)
+
+    def _publish_way(self, stamp: int) -> None:
+        plan = self._servo.plan
+        if plan is self._plan:
+            return
+        self._plan = plan
+        poses = () if plan is None or plan.path is None else plan.path.sampled(_WAY_POSES)
+        self._way.publish(path_message(poses, header(stamp, self.parameters.scene_frame)))
+        if plan is not None:
+            self.report(f"{plan.decision.name}  {plan.reason}", good=plan.path is not None)
+
+    def _report_warning(self) -> None:
+        if self._servo.warning and self._servo.warning != self._warning:
+            self.report(self._servo.warning, good=False)
+        self._warning = self._servo.warning
 
     def _report_diagnostics(self) -> tuple[bytes, str, Mapping[str, str]]:
         latest = self._latest
         if latest is None:
             return DiagnosticStatus.STALE, "no features received yet", {}
         return (
-            _DIAGNOSTIC_LEVELS[latest.mode],
+            _LEVELS[latest.mode],
             f"{latest.mode.name} {latest.reason}".strip(),
             {
                 "error norm": f"{latest.error_norm:.4g}",
                 "inverse condition number": f"{latest.inverse_condition_number:.4g}",
+                "law": self.parameters.law,
+                "scale": f"{latest.scale:.3g}",
+                "warning": self._servo.warning,
             },
         )
 
@@ -115,6 +189,7 @@ class Controller(ParameterizedNode[ControllerParameters]):
 _EXAMPLES = """examples:
   ros2 run plsing_ros controller --ros-args --params-file config/paper_p4l.yaml
   ros2 run plsing_ros controller --ros-args --params-file config/paper_p4l.yaml -p gain:=0.5
+  ros2 run plsing_ros controller --ros-args --params-file config/paper_p4l.yaml -p law:=guarded
   ros2 service call /controller/enable std_srvs/srv/SetBool "{data: false}"
 
 All parameters with units and ranges: config/controller.yaml"""

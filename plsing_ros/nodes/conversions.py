@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import array
+import dataclasses
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
-from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import Point, Twist, TwistStamped
 from std_msgs.msg import Header
 
 from plsing_msgs.msg import (
@@ -20,11 +20,10 @@ from plsing_msgs.msg import (
 from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError, ObservationError
-from plsing_ros.features import LineObservation
-from plsing_ros.geometry import Pose
+from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.servoing.assessment import Assessment
+from plsing_ros.servoing.command import Command
 from plsing_ros.servoing.levels import Level
-from plsing_ros.servoing.line_servo import Command
-from plsing_ros.servoing.singularity_monitor import Assessment
 from plsing_ros.singularities import Kind, LocusDistance, SingularSet
 
 _SECOND = 1_000_000_000
@@ -51,7 +50,10 @@ def time_message(stamp: int) -> Time:
 
 def header(stamp: int, frame: str) -> Header:
     """Return a header for a stamp in nanoseconds."""
-    return Header(stamp=time_message(stamp), frame_id=frame)
+    # Filled in place, here and below: a constructor makes defaults of all its fields first, also of those it is given.
+    head = Header(frame_id=frame)
+    head.stamp.sec, head.stamp.nanosec = divmod(stamp, _SECOND)
+    return head
 
 
 def flat(values: Array) -> array.array[float]:
@@ -60,12 +62,18 @@ def flat(values: Array) -> array.array[float]:
 
 
 def features_message(observation: LineObservation, head: Header) -> LineFeatureArray:
-    """Return the message of an observation that has 3-D lines for its usable rows."""
-    n = len(observation.ids)
-    directions, moments = np.zeros((n, 3)), np.zeros((n, 3))
-    if observation.lines_camera is not None:
-        directions[observation.usable] = observation.lines_camera.direction
-        moments[observation.usable] = observation.lines_camera.moment
+    """Return the message of an observation; without 3-D lines their fields are empty."""
+    n, lines = len(observation.ids), observation.lines_camera
+    directions: Array
+    moments: Array
+    if lines is None:
+        directions = moments = np.zeros((0, 3))
+    elif len(lines) == n:
+        directions, moments = lines.direction, lines.moment
+    else:
+        directions, moments = np.zeros((n, 3)), np.zeros((n, 3))
+        directions[observation.usable] = lines.direction
+        moments[observation.usable] = lines.moment
     return LineFeatureArray(
         header=head,
         ids=list(observation.ids),
@@ -73,6 +81,8 @@ def features_message(observation: LineObservation, head: Header) -> LineFeatureA
         directions=flat(directions),
         moments=flat(moments),
         visible=observation.usable.astype(np.uint8).tobytes(),
+        lines_verdict=int(observation.verdict),
+        lines_reason=observation.verdict_reason,
     )
 
 
@@ -101,31 +111,48 @@ def observation_from_message(message: LineFeatureArray, frame: str) -> LineObser
                 f"expected {' or '.join(map(str, allowed))}"
             )
     visible = np.array(message.visible, dtype=bool) if len(message.visible) else np.ones(n, dtype=bool)
-    return LineObservation.from_rows(
+    observation = LineObservation.from_rows(
         tuple(message.ids),
-        _rows("image_lines", message.image_lines),
-        _rows("directions", message.directions) if len(message.directions) else None,
-        _rows("moments", message.moments) if len(message.moments) else None,
+        np.frombuffer(message.image_lines).reshape(-1, 3),
+        _rows(message.directions),
+        _rows(message.moments),
         visible,
         frame,
     )
+    if message.lines_verdict == LineFeatureArray.LINES_GIVEN:
+        return observation
+    try:
+        verdict = LinesVerdict(message.lines_verdict)
+    except ValueError:
+        raise ObservationError(
+            f"field 'lines_verdict' of the feature message is {message.lines_verdict}; allowed: 0 to "
+            f"{max(LinesVerdict)}"
+        ) from None
+    return dataclasses.replace(observation, verdict=verdict, verdict_reason=message.lines_reason)
 
 
-def _rows(name: str, values: array.array[float]) -> Array:
-    return checked_array(name, np.frombuffer(values).reshape(-1, 3), (None, 3), ObservationError)
+def _rows(values: array.array[float]) -> Array | None:
+    return np.frombuffer(values).reshape(-1, 3) if len(values) else None
 
 
 def twist_message(twist: Array) -> Twist:
     """Return a twist (v, omega), shape (6,)."""
     message = Twist()
-    message.linear.x, message.linear.y, message.linear.z = map(float, twist[:3])
-    message.angular.x, message.angular.y, message.angular.z = map(float, twist[3:])
+    fill_twist(message, twist)
     return message
+
+
+def fill_twist(message: Twist, twist: Array) -> None:
+    """Write a twist (v, omega), shape (6,), into a message."""
+    linear, angular = message.linear, message.angular
+    linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = twist.tolist()
 
 
 def twist_stamped(twist: Array, head: Header) -> TwistStamped:
     """Return a stamped twist (v, omega) in the frame of the header."""
-    return TwistStamped(header=head, twist=twist_message(twist))
+    message = TwistStamped(header=head)
+    fill_twist(message.twist, twist)
+    return message
 
 
 def twist_from_message(message: TwistStamped, frame: str) -> Array:
@@ -142,61 +169,28 @@ def twist_from_message(message: TwistStamped, frame: str) -> Array:
     return checked_array("cmd_twist", [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z], (6,))
 
 
-def camera_pose_message(T_world_camera: Pose, head: Header) -> PoseWithCovarianceStamped:
-    """Return the camera's pose in the frame of the header; exactly known, so of zero covariance."""
-    message = PoseWithCovarianceStamped(header=head)
-    pose = message.pose.pose
-    pose.position = point_message(T_world_camera.translation)
-    quaternion = T_world_camera.quaternion_xyzw
-    (
-        pose.orientation.x,
-        pose.orientation.y,
-        pose.orientation.z,
-        pose.orientation.w,
-    ) = map(float, quaternion)
-    return message
-
-
-def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str) -> Pose:
-    """Return T_world_camera.
-
-    Raises:
-        GeometryError: If a value is not finite, the quaternion is not of unit length, or the frame is another one.
-    """
-    return _pose("camera_pose", message.header.frame_id, message.pose.pose, frame)
-
-
-def pose_from_message(message: PoseStamped, frame: str) -> Pose:
-    """Return T_world_camera of a request; an empty frame means the scene's.
-
-    Raises:
-        GeometryError: As for camera_pose_from_message.
-    """
-    return _pose("the pose", message.header.frame_id or frame, message.pose, frame)
-
-
-def _pose(what: str, given_frame: str, pose: PoseMessage, frame: str) -> Pose:
-    if given_frame != frame:
-        raise GeometryError(f"{what} is in frame '{given_frame}', expected '{frame}' (parameter scene_frame)")
-    position, q = pose.position, pose.orientation
-    return Pose.from_quaternion([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])
-
-
 def point_message(point: Array) -> Point:
     """Return a point, shape (3,) [m]."""
     return Point(x=float(point[0]), y=float(point[1]), z=float(point[2]))
 
 
-def controller_state_message(command: Command, head: Header) -> ControllerState:
-    """Return the state that goes with a command."""
+def controller_state_message(command: Command, law: str, head: Header) -> ControllerState:
+    """Return the state that goes with a command of a law."""
     return ControllerState(
         header=head,
         mode=int(command.mode),
         reason=command.reason,
+        law=law,
         error_norm=command.error_norm,
+        gain=command.gain,
         linear_speed=float(np.linalg.norm(command.twist[:3])),
         angular_speed=float(np.linalg.norm(command.twist[3:])),
         inverse_condition_number=command.inverse_condition_number,
+        singular_values=command.singular_values,
+        damping=command.damping,
+        scale=command.scale,
+        saturated=command.saturated,
+        way_progress=command.way_progress,
     )
 
 

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from plsing_ros.errors import ParameterError
+from plsing_ros.geometry import Pose
+from plsing_ros.parameters.law import LawParameters
 from plsing_ros.parameters.parameter_set import parameter
-from plsing_ros.parameters.task import TaskParameters
+from plsing_ros.parameters.scene import pose_from_parameters
+
+_TRUST = ("halt", "slow", "ignore")
 
 
 @dataclass(frozen=True)
-class ControllerParameters(TaskParameters):
+class ControllerParameters(LawParameters):
     """Where to go, by which law, and when not to move."""
 
     target_source: str = parameter(
@@ -20,18 +25,58 @@ class ControllerParameters(TaskParameters):
         choices=("pose", "topic"),
         live=False,
     )
-    gain: float = parameter(
-        0.1, "gain", "lambda of the law tau = -lambda pinv(L) (s - s*)", unit="1/s", minimum=1e-6, maximum=1000.0
-    )
-    pinv_threshold: float = parameter(
-        1e-12,
-        "pinv_threshold",
-        "Singular values of L below this times the largest one are taken as zero by pinv",
+    least_target_condition: float = parameter(
+        1e-6,
+        "target.least_condition",
+        "A target whose inverse condition number is below this is refused; 0: every target is accepted",
         minimum=0.0,
-        maximum=0.1,
+        maximum=1.0,
     )
     converged_error: float = parameter(
         1e-6, "converged_error", "Error norm |s - s*| below which the state says CONVERGED", minimum=0.0, maximum=1.0
+    )
+    stall_error: float = parameter(
+        0.05, "stall.error", "An error norm below this is never called a stall", minimum=0.0, maximum=1000.0
+    )
+    stall_ratio: float = parameter(
+        1e-3,
+        "stall.ratio",
+        "STALLED when the twist changes the image by less than this times what lambda asks for; 0: never",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    stall_time: float = parameter(
+        1.0, "stall.time", "STALLED when it lasts this long", unit="s", minimum=0.0, maximum=1000.0
+    )
+    ambiguous_lines: str = parameter(
+        "halt",
+        "ambiguous_lines",
+        "What to do when the features say that their 3-D lines are AMBIGUOUS",
+        choices=_TRUST,
+    )
+    poor_lines: str = parameter(
+        "slow", "poor_lines", "What to do when the features say that their 3-D lines are POOR", choices=_TRUST
+    )
+    slow_scale: float = parameter(
+        0.3, "slow_scale", "Share of the speed for lines not to be trusted fully", minimum=0.0, maximum=1.0
+    )
+    gate: str = parameter(
+        "none",
+        "gate",
+        "status: move only with a recent singularity_status of a level allowed by gate_level; none: do not ask",
+        choices=("none", "status"),
+        live=False,
+    )
+    gate_level: str = parameter(
+        "WARN", "gate_level", "Worst level of singularity_status to move at", choices=("OK", "WARN", "CRITICAL")
+    )
+    gate_timeout: float = parameter(
+        0.5,
+        "gate_timeout",
+        "A singularity_status older than this on the node clock does not count",
+        unit="s",
+        minimum=1e-3,
+        maximum=60.0,
     )
     features_timeout: float = parameter(
         0.2,
@@ -40,6 +85,13 @@ class ControllerParameters(TaskParameters):
         unit="s",
         minimum=1e-3,
         maximum=60.0,
+    )
+    zero_twists: int = parameter(
+        -1,
+        "zero_twists",
+        "Zero twists in a row that are published while it must not move, then none until it moves again; -1: no end",
+        minimum=-1,
+        maximum=1_000_000,
     )
     watchdog_period: float = parameter(
         0.05,
@@ -50,9 +102,25 @@ class ControllerParameters(TaskParameters):
         maximum=10.0,
         live=False,
     )
+    tool_frame: str = parameter(
+        "",
+        "tool_frame",
+        "Name of a frame fixed to the camera that cmd_twist is given in and for; empty: the camera's optical frame",
+        live=False,
+    )
+    tool_position: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0), "T_tool_camera.position", "Camera centre in tool_frame: x, y, z", unit="m"
+    )
+    tool_orientation: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0, 1.0),
+        "T_tool_camera.orientation",
+        "Orientation of the optical frame in tool_frame: unit quaternion x, y, z, w",
+    )
 
     def check(self) -> None:
-        """Refuse a scene or target that is not one; a target from a topic needs no scene."""
+        """Refuse values that contradict each other; a target from a topic needs no scene."""
+        self.check_law()
+        _ = self.T_tool_camera
         if self.target_source == "topic" and not self.lines_points and not self.lines_directions:
             return
         super().check()
@@ -62,3 +130,8 @@ class ControllerParameters(TaskParameters):
                 "control a camera pose"
             )
         self.target_pose()
+
+    @cached_property
+    def T_tool_camera(self) -> Pose:
+        """Where the camera is in tool_frame."""
+        return pose_from_parameters("T_tool_camera", self.tool_position, self.tool_orientation)

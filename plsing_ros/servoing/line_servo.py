@@ -2,76 +2,92 @@
 
 from __future__ import annotations
 
-import enum
-from dataclasses import dataclass, field
-
-import numpy as np
-
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import LineObservation, conditioning, interaction_matrix
+from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
-from plsing_ros.servoing.control_law import pinv_twist
+from plsing_ros.servoing.command import Command, Mode
+from plsing_ros.servoing.detour import Plan
 from plsing_ros.servoing.freshness import Freshness
+from plsing_ros.servoing.gate import StatusGate
+from plsing_ros.servoing.law_cycle import LawCycle
+from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.scene_loci import SceneLoci
+from plsing_ros.servoing.target import MINIMUM_LINES, Target
+from plsing_ros.servoing.target_check import TargetCheck, check_target
+from plsing_ros.servoing.way_keeper import detour_options
 
-MINIMUM_LINES = 3
+__all__ = ["MINIMUM_LINES", "Command", "LineServo", "Mode"]
 
-
-class Mode(enum.IntEnum):
-    """What the controller is doing; values as in plsing_msgs/ControllerState."""
-
-    WAITING = 0
-    SERVOING = 1
-    CONVERGED = 2
-    HALTED = 3
-    DISABLED = 4
-
-
-@dataclass(frozen=True, eq=False)
-class Command:
-    """What to do now.
-
-    Attributes:
-        mode: What the controller is doing.
-        reason: Why, in words; empty while servoing.
-        twist: (v, omega) of the camera in its optical frame, shape (6,) [m/s, rad/s]; always finite, zero unless
-            servoing or converged; not to be published while waiting.
-        error_norm: |s - s*|, 0 if unknown.
-        inverse_condition_number: Of L, 0 if unknown.
-    """
-
-    mode: Mode
-    reason: str = ""
-    twist: Array = field(default_factory=lambda: np.zeros(6))
-    error_norm: float = 0.0
-    inverse_condition_number: float = 0.0
+_DISABLED = "switched off by ~/enable"
 
 
 class LineServo:
-    """Turns observations into commands; commands zero and says why whenever it cannot trust its input."""
+    """Turns observations into commands; commands zero and says why whenever it cannot trust its input.
+
+    Attributes:
+        gate: Takes the monitor's statuses; asked where the parameter gate says so.
+        warning: What is doubtful about target and parameters, in words, or "".
+    """
 
     def __init__(self, parameters: ControllerParameters) -> None:
-        self.enabled = True
-        self._target: dict[int, Array] = {}
+        self.warning = ""
+        self._enabled = True
+        self._target: Target | None = None
+        self._cycle: LawCycle | None = None
+        self._refused = ""
+        self._loci: SceneLoci | None = None
+        self._seen: LineSet | None = None
         self._freshness = Freshness("features", parameters.features_timeout, parameters.future_tolerance)
+        self.gate = StatusGate(Level[parameters.gate_level], parameters.gate_timeout, parameters.future_tolerance)
+        self._parameters: ControllerParameters | None = None
         self.parameters = parameters
 
     @property
     def parameters(self) -> ControllerParameters:
         """The parameters in force; setting them takes effect at the next step."""
+        assert self._parameters is not None
         return self._parameters
 
     @parameters.setter
     def parameters(self, parameters: ControllerParameters) -> None:
-        target = self._target
-        if parameters.target_source == "pose":
-            # Raises for a target without an image, before anything has changed.
-            seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
-            target = _features_by_id(LineObservation.of_lines(seen), "target pose")
-        self._target = target
+        before = self._parameters
+        target, loci = self._target, self._loci
+        # Whatever raises comes first, so that a refused set changes nothing.
+        if before is None or _task(parameters) != _task(before):
+            if parameters.target_source == "pose":
+                seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
+                target = Target(LineObservation.of_lines(seen), "target pose")
+            loci = SceneLoci(parameters.lines()) if parameters.lines_points else None
+        replan = before is not None and detour_options(parameters) != detour_options(before)
         self._freshness.timeout = parameters.features_timeout
         self._freshness.future_tolerance = parameters.future_tolerance
+        self.gate.worst = Level[parameters.gate_level]
+        self.gate.set_times(parameters.gate_timeout, parameters.future_tolerance)
         self._parameters = parameters
+        if target is not self._target or loci is not self._loci or replan:
+            self._target, self._loci = target, loci
+            self._restart()
+        elif self._cycle is not None:
+            self._cycle.parameters = parameters
+        self._judge_target()
+
+    @property
+    def enabled(self) -> bool:
+        """When False, every answer is DISABLED; a run begins anew when it becomes True."""
+        return self._enabled
+
+    @enabled.setter
+    def enabled(self, enabled: bool) -> None:
+        if enabled and not self._enabled:
+            self._restart()
+        self._enabled = enabled
+
+    @property
+    def plan(self) -> Plan | None:
+        """The way that is followed, or was refused; None without one."""
+        return None if self._cycle is None else self._cycle.plan
 
     def set_target(self, desired: LineObservation) -> None:
         """Use these image lines as s* from now on.
@@ -79,7 +95,32 @@ class LineServo:
         Raises:
             ObservationError: If fewer than three of them are usable.
         """
-        self._target = _features_by_id(desired, "desired features")
+        self._target = Target(desired, "desired features")
+        if self._cycle is None:
+            self._restart()
+        else:
+            self._cycle.retarget(self._target, self._target_pose(self._target))
+        self._judge_target()
+
+    def check_target(self, target: Pose, start: Pose | None) -> TargetCheck:
+        """Return what detour would do about a target.
+
+        Args:
+            target: T_scene_camera there.
+            start: T_scene_camera where the way begins; None for where the camera is now.
+
+        Raises:
+            ObservationError: If the scene, or where the camera is, is not known.
+        """
+        if self._loci is None:
+            raise ObservationError("no scene given (parameters lines.*), so the loci are not known")
+        if start is None and self._seen is not None:
+            start = self._loci.camera_pose(self._seen)
+        if start is None:
+            raise ObservationError(
+                "where the camera is now is not known: no usable features yet, or they do not fit the scene"
+            )
+        return check_target(self._loci.found, start, target, detour_options(self.parameters))
 
     def step(self, observation: LineObservation, stamp: int, now: int) -> Command:
         """Return the command for an observation.
@@ -94,62 +135,124 @@ class LineServo:
         Raises:
             ObservationError: If the observation cannot be used; call halt with the reason.
         """
-        if not self.enabled:
-            return Command(Mode.DISABLED, "switched off by ~/enable")
-        refusal = self._freshness.refusal(stamp, now)
-        if refusal is not None:
-            return Command(Mode.HALTED, refusal)
-        if not self._target:
-            return Command(Mode.WAITING, "no target: no desired features received yet")
-        if observation.lines_camera is None:
-            if observation.usable_ids:
-                raise ObservationError(
-                    "features have no 3-D lines (directions and moments are empty), which the interaction matrix needs"
-                )
-            raise ObservationError("none of the observed lines is usable")
-        rows = [row for row, i in enumerate(observation.usable_ids) if i in self._target]
-        if len(rows) < MINIMUM_LINES:
-            raise ObservationError(
-                f"only {len(rows)} usable line(s) with a target (usable: {list(observation.usable_ids)}, target: "
-                f"{list(self._target)}); at least {MINIMUM_LINES} are needed"
-            )
-        lines = observation.lines_camera.select(rows)
-        desired = np.array([self._target[i] for i in lines.ids])
-        error = (observation.usable_image_lines[rows] - desired).ravel()
-        interaction = interaction_matrix(lines)
-        twist = pinv_twist(interaction, error, self.parameters.gain, self.parameters.pinv_threshold)
-        if not np.isfinite(twist).all():
-            return self.halt(f"the control law gave a twist that is not finite: {twist.tolist()}")
-        error_norm = float(np.linalg.norm(error))
-        converged = error_norm <= self.parameters.converged_error
-        return Command(
-            Mode.CONVERGED if converged else Mode.SERVOING,
-            f"error norm {error_norm:.3g} is below {self.parameters.converged_error:g}" if converged else "",
-            twist,
-            error_norm,
-            conditioning(interaction).inverse_condition_number,
-        )
+        command = self._not_to_move(observation, stamp, now)
+        if command is not None or self._target is None or self._cycle is None:
+            self._pause()
+            return command or Command(Mode.WAITING, "no target: no desired features received yet")
+        lines, image = _common(observation, self._target)
+        self._seen = lines
+        slow = self._reaction(observation) == "slow"
+        return self._cycle.command(lines, image, self.parameters.slow_scale if slow else 1.0, stamp)
+
+    def _not_to_move(self, observation: LineObservation, stamp: int, now: int) -> Command | None:
+        if not self._enabled:
+            return Command(Mode.DISABLED, _DISABLED)
+        problem = self._freshness.refusal(stamp, now)
+        if problem is None and self._refused:
+            return Command(Mode.REFUSED, self._refused)
+        if problem is None and self._reaction(observation) == "halt":
+            problem = f"3-D lines are {observation.verdict.name}: {observation.verdict_reason}"
+        if problem is None and self.parameters.gate == "status":
+            problem = self.gate.closed(now)
+        return None if problem is None else Command(Mode.HALTED, problem)
+
+    def _reaction(self, observation: LineObservation) -> str:
+        if observation.verdict is LinesVerdict.AMBIGUOUS:
+            return self.parameters.ambiguous_lines
+        return self.parameters.poor_lines if observation.verdict is LinesVerdict.POOR else "ignore"
 
     def halt(self, reason: str) -> Command:
         """Return a command of zero twist with the reason, for features that cannot be used or for a shutdown."""
         self._freshness.note_problem(reason)
-        return Command(Mode.HALTED if self.enabled else Mode.DISABLED, reason)
+        self._pause()
+        return Command(Mode.HALTED if self._enabled else Mode.DISABLED, reason)
 
     def silence(self, now: int) -> Command | None:
         """Return the command for input that has stopped, or None while it is recent enough (now in ns)."""
-        if not self.enabled:
-            return Command(Mode.DISABLED, "switched off by ~/enable")
+        if not self._enabled:
+            return Command(Mode.DISABLED, _DISABLED)
         reason = self._freshness.silence(now)
         if reason is None:
             return None
+        self._pause()
         return Command(Mode.WAITING if self._freshness.last_stamp is None else Mode.HALTED, reason)
 
+    def _pause(self) -> None:
+        if self._cycle is not None:
+            self._cycle.pause()
 
-def _features_by_id(observation: LineObservation, what: str) -> dict[int, Array]:
+    def _restart(self) -> None:
+        """Begin a run anew: integral, stall and way are those of the one before."""
+        self._cycle = None
+        if self._target is not None:
+            pose = self._target_pose(self._target)
+            self._cycle = LawCycle(self.parameters, self._target, self._loci, pose)
+
+    def _target_pose(self, target: Target) -> Pose | None:
+        if self.parameters.target_source == "pose":
+            return self.parameters.target_pose()
+        if self._loci is None or target.lines is None:
+            return None
+        try:
+            return self._loci.camera_pose(target.lines)
+        except ObservationError:
+            # Reversed lines do not keep the laws that need no pose from going there.
+            return None
+
+    def _judge_target(self) -> None:
+        """Find out whether the target is refused, or doubtful."""
+        self._refused = self.warning = ""
+        if self._target is None:
+            return
+        parameters = self.parameters
+        condition = self._target.view(self._target.ids, parameters.columns).inverse_condition_number
+        if condition is None:
+            return
+        if condition < parameters.least_target_condition:
+            pose = self._target_pose(self._target)
+            near = "" if self._loci is None or pose is None else self._loci.nearest_text(pose.translation)
+            self._refused = (
+                f"the target is at a singularity: its inverse condition number {condition:.3g} is below "
+                f"target.least_condition {parameters.least_target_condition:g}{near}"
+            )
+        elif condition <= parameters.pinv_threshold:
+            self.warning = (
+                f"pinv_threshold {parameters.pinv_threshold:g} is above the target's own inverse condition number "
+                f"{condition:.3g}: a motion is given up before the target is reached, and the camera stops short of it"
+            )
+
+
+def _task(parameters: ControllerParameters) -> tuple[object, ...]:
+    """Return what a target and a scene are made from."""
+    return (
+        parameters.lines_points,
+        parameters.lines_directions,
+        parameters.lines_ids,
+        parameters.target_position,
+        parameters.target_orientation,
+    )
+
+
+def _common(observation: LineObservation, target: Target) -> tuple[LineSet, Array]:
+    """Return the 3-D lines that are in sight and in the target, and their image lines, shape (3n,).
+
+    Raises:
+        ObservationError: If there are fewer than three, or no 3-D lines.
+    """
+    seen = observation.lines_camera
+    if seen is not None and seen.ids == target.ids:
+        return seen, observation.usable_image_lines.ravel()
     ids = observation.usable_ids
-    if len(ids) < MINIMUM_LINES:
+    if seen is None:
+        if ids:
+            raise ObservationError(
+                "features have no 3-D lines (directions and moments are empty), which the interaction matrix needs"
+            )
+        raise ObservationError("none of the observed lines is usable")
+    rows = [row for row, i in enumerate(ids) if i in target]
+    if len(rows) < MINIMUM_LINES:
         raise ObservationError(
-            f"{what}: only {len(ids)} usable line(s) ({list(ids)}) of {len(observation.ids)}; "
+            f"only {len(rows)} usable line(s) with a target (usable: {list(ids)}, target: {list(target.ids)}); "
             f"at least {MINIMUM_LINES} are needed"
         )
-    return dict(zip(ids, observation.usable_image_lines, strict=True))
+    return seen.select(rows), observation.usable_image_lines[rows].ravel()

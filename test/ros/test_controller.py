@@ -3,42 +3,16 @@
 import numpy as np
 import pytest
 from builders import TARGET, change, features, plain_twist, set_number, start_pose, time_of, twist_values
-from geometry_msgs.msg import TwistStamped
+from controller_loop import ControllerLoop
 from std_srvs.srv import SetBool
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.controller import Controller
-
-
-class Loop:
-    """Sends features to a controller and receives what it commands."""
-
-    def __init__(self, ros, paper, **parameters):
-        self.ros = ros
-        self.twists = ros.collect(TwistStamped, "cmd_twist")
-        self.states = ros.collect(ControllerState, "controller/state")
-        # Long, so that a slow machine does not make features stale between two lines of a test.
-        self.node = ros.add(Controller, paper, {"features_timeout": 5.0, **parameters})
-        self.features = ros.publisher(LineFeatureArray, "line_features")
-
-    def now(self):
-        return self.ros.node.get_clock().now().to_msg()
-
-    def answer(self, message):
-        """Send features and return the twist and the state that answer them."""
-        self.features.publish(message)
-
-        def answered(collected):
-            return next((each for each in reversed(collected) if each.header.stamp == message.header.stamp), None)
-
-        self.ros.spin_until(lambda: answered(self.twists) and answered(self.states), "an answer to the features")
-        return answered(self.twists), answered(self.states)
 
 
 @pytest.fixture
 def loop(ros, paper):
-    return Loop(ros, paper)
+    return ControllerLoop(ros, paper)
 
 
 def assert_halts(loop, message, *words):
@@ -76,7 +50,7 @@ def test_matches_lines_by_id_in_any_order_and_number(loop):
 
 
 def test_a_target_from_a_topic(ros, paper):
-    loop = Loop(ros, paper, **{"target.source": "topic"})
+    loop = ControllerLoop(ros, paper, **{"target.source": "topic"})
     loop.features.publish(features(start_pose(1), loop.now()))
     loop.ros.spin_until(lambda: loop.states and "no desired features" in loop.states[-1].reason, "the missing target")
     assert loop.states[-1].mode == ControllerState.WAITING
@@ -95,7 +69,7 @@ def test_commands_nothing_before_any_features(loop):
 
 
 def test_silence_after_unusable_features_names_them(ros, paper):
-    loop = Loop(ros, paper, features_timeout=0.1)
+    loop = ControllerLoop(ros, paper, features_timeout=0.1)
     bad = features(start_pose(1), loop.now(), ids=(1, 2))
     assert_halts(loop, bad, "only 2 usable")
     loop.ros.spin_until(lambda: "no features for" in loop.states[-1].reason, "the watchdog")
@@ -103,7 +77,7 @@ def test_silence_after_unusable_features_names_them(ros, paper):
 
 
 def test_commands_zero_when_features_stop(ros, paper):
-    loop = Loop(ros, paper, features_timeout=0.1)
+    loop = ControllerLoop(ros, paper, features_timeout=0.1)
     loop.answer(features(start_pose(1), loop.now()))
     loop.ros.spin_until(lambda: loop.states[-1].mode == ControllerState.HALTED, "the watchdog")
     assert "no features for" in loop.states[-1].reason and "allowed are 0.1 s" in loop.states[-1].reason

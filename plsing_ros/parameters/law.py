@@ -1,0 +1,203 @@
+"""Parameters of the control law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.errors import ParameterError
+from plsing_ros.parameters.parameter_set import parameter
+from plsing_ros.parameters.task import TaskParameters
+
+_RELATIVE = "in units of the target's smallest singular value with the same lines"
+# The laws that keep below a speed limit also when none is given, and which [m/s, rad/s].
+_GUARDING_LAWS = ("guarded", "detour")
+_GUARDED_SPEEDS = (0.15, 0.5)
+_GUARDED_TEXT = "the whole twist is scaled down to it. 0: none, but {:g} for guarded and detour"
+
+
+@dataclass(frozen=True)
+class LawParameters(TaskParameters):
+    """By which law the camera moves, and how fast."""
+
+    law: str = parameter(
+        "pinv",
+        "law",
+        "pinv (the paper's), dls (constant damping), adaptive_dls (damping near a singularity, along the lost motion), "
+        "guarded (slow where a locus is ahead, the lost motion limited), detour (along a way planned round the loci); "
+        "see docs/controller.md",
+        choices=("pinv", "dls", "adaptive_dls", "guarded", "detour"),
+    )
+    interaction: str = parameter(
+        "current",
+        "interaction",
+        "The L that is inverted: at the current features, at the desired ones (then constant), or the mean of both",
+        choices=("current", "desired", "mean"),
+    )
+    gain: float = parameter(
+        0.1, "gain", "lambda of the law tau = -lambda pinv(L) (s - s*)", unit="1/s", minimum=1e-6, maximum=1000.0
+    )
+    gain_slope: float = parameter(
+        0.0,
+        "gain_slope",
+        "How fast lambda falls with the error: -d lambda / d |s - s*| at zero error; 0: lambda is constant",
+        unit="1/s",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    gain_at_infinity: float = parameter(
+        0.05,
+        "gain_at_infinity",
+        "lambda for an infinite error, below gain; with gain_slope 0 it has no effect",
+        unit="1/s",
+        minimum=1e-6,
+        maximum=1000.0,
+    )
+    degrees_of_freedom: tuple[int, ...] = parameter(
+        (1, 1, 1, 1, 1, 1),
+        "degrees_of_freedom",
+        "Which of v_x, v_y, v_z, omega_x, omega_y, omega_z of the camera the law may use: 1 or 0 each",
+        minimum=0,
+        maximum=1,
+    )
+    secondary_twist: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        "secondary_twist",
+        "Twist of the camera that is wanted as far as it changes no image line: projected on the null space of L; "
+        "v in m/s, omega in rad/s",
+    )
+    integral_gain: float = parameter(
+        0.0,
+        "integral_gain",
+        "Weight of the time integral of s - s* beside s - s* itself; 0: none",
+        unit="1/s",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    integral_limit: float = parameter(
+        0.1,
+        "integral_limit",
+        "Largest norm of the time integral times integral_gain, in units of s - s*",
+        minimum=0.0,
+        maximum=100.0,
+    )
+    pinv_threshold: float = parameter(
+        1e-12,
+        "pinv_threshold",
+        "Singular values of L below this times the largest one are taken as zero by every law",
+        minimum=0.0,
+        maximum=0.1,
+    )
+    damping: float = parameter(
+        0.3, "damping", f"dls: damping of every singular value, {_RELATIVE}", minimum=0.0, maximum=1000.0
+    )
+    onset: float = parameter(
+        0.5,
+        "onset",
+        f"adaptive_dls, guarded, detour: a singular value below this is taken as nearly lost, {_RELATIVE}",
+        minimum=1e-6,
+        maximum=1.0,
+    )
+    largest_damping: float = parameter(
+        0.5,
+        "largest_damping",
+        f"adaptive_dls, detour: damping of a singular value that is zero, {_RELATIVE}",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    guard_margin: float = parameter(
+        0.15,
+        "guard.margin",
+        "guarded: motion towards a locus is slowed down when nearer than this",
+        unit="m",
+        minimum=1e-6,
+        maximum=1000.0,
+    )
+    guard_floor: float = parameter(
+        0.2,
+        "guard.floor",
+        "guarded: share of the speed that is always left, also straight towards a locus",
+        minimum=1e-3,
+        maximum=1.0,
+    )
+    guard_lost_share: float = parameter(
+        1.0,
+        "guard.lost_share",
+        "guarded: the nearly lost motion may be as fast as this times the rest of the twist when its singular value is "
+        "half way down (docs/controller.md)",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    detour_margin: float = parameter(
+        0.2,
+        "detour.margin",
+        "detour: distance that a way keeps from the loci, less where start or target are nearer themselves",
+        unit="m",
+        minimum=1e-3,
+        maximum=1000.0,
+    )
+    detour_linear_speed: float = parameter(
+        0.1, "detour.linear_speed", "detour: |v| along a way", unit="m/s", minimum=1e-6, maximum=1e6
+    )
+    detour_angular_speed: float = parameter(
+        0.2, "detour.angular_speed", "detour: |omega| along a way", unit="rad/s", minimum=1e-6, maximum=1e6
+    )
+    detour_replan_distance: float = parameter(
+        0.3,
+        "detour.replan_distance",
+        "detour: a new way is planned when the camera is farther than this from where it should be",
+        unit="m",
+        minimum=1e-3,
+        maximum=1000.0,
+    )
+    max_linear_speed: float = parameter(
+        0.0,
+        "max_linear_speed",
+        f"Limit of |v|; {_GUARDED_TEXT.format(_GUARDED_SPEEDS[0])}",
+        unit="m/s",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    max_angular_speed: float = parameter(
+        0.0,
+        "max_angular_speed",
+        f"Limit of |omega|; {_GUARDED_TEXT.format(_GUARDED_SPEEDS[1])}",
+        unit="rad/s",
+        minimum=0.0,
+        maximum=1e6,
+    )
+
+    def check_law(self) -> None:
+        """Refuse values that contradict each other."""
+        if self.gain_slope > 0.0 and self.gain_at_infinity >= self.gain:
+            raise ParameterError(
+                f"parameter 'gain_at_infinity' is {self.gain_at_infinity} 1/s; with a gain_slope it must be below "
+                f"gain, {self.gain} 1/s"
+            )
+        for name, values in (
+            ("degrees_of_freedom", self.degrees_of_freedom),
+            ("secondary_twist", self.secondary_twist),
+        ):
+            if len(values) != 6:
+                raise ParameterError(f"parameter '{name}' has {len(values)} numbers; it must have 6")
+        if not any(self.degrees_of_freedom):
+            raise ParameterError("parameter 'degrees_of_freedom' has no 1; at least one must be left to move")
+
+    @cached_property
+    def columns(self) -> tuple[int, ...]:
+        """Which columns of L belong to the degrees of freedom in use."""
+        return tuple(column for column, used in enumerate(self.degrees_of_freedom) if used)
+
+    def selected(self, twist: Array) -> Array:
+        """Return a twist (6,) with zeros for the degrees of freedom that may not be used."""
+        selected: Array = twist * np.array(self.degrees_of_freedom, dtype=float)
+        return selected
+
+    @cached_property
+    def speed_limits(self) -> tuple[float, float]:
+        """The limits of |v| [m/s] and |omega| [rad/s] in force, infinite where there is none."""
+        linear, angular = _GUARDED_SPEEDS if self.law in _GUARDING_LAWS else (float("inf"), float("inf"))
+        return self.max_linear_speed or linear, self.max_angular_speed or angular

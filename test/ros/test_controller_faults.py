@@ -1,0 +1,351 @@
+"""What can go wrong around a controller on a robot, each over real topics."""
+
+import numpy as np
+import pytest
+from builders import SCENE, TARGET, features, plain_twist, set_number, start_pose, twist_values
+from controller_loop import ControllerLoop
+from nav_msgs.msg import Path
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool
+
+from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityStatus
+from plsing_msgs.srv import CheckTarget
+from plsing_ros.geometry import Pose
+from plsing_ros.nodes import qos
+from plsing_ros.nodes.controller import Controller
+from plsing_ros.nodes.conversions import header
+from plsing_ros.nodes.run import run_node
+from plsing_ros.singularities import singular_set
+
+TRANSVERSAL = singular_set(SCENE).transversals[0]
+ON_TRANSVERSAL = Pose(TARGET.rotation, TRANSVERSAL.point)
+
+
+def target_at(pose):
+    return {
+        "target.position": pose.translation.tolist(),
+        "target.orientation": pose.quaternion_xyzw.tolist(),
+    }
+
+
+def assert_servoes(loop):
+    command, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.SERVOING
+    np.testing.assert_allclose(twist_values(command), plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
+
+
+def assert_all_finite_and_zero_unless_moving(loop):
+    moving = {tuple(map(float, plain_twist(start_pose(1))))}
+    for each in loop.twists:
+        values = twist_values(each)
+        assert np.isfinite(values).all()
+        assert np.all(values == 0.0) or np.allclose(values, next(iter(moving)), rtol=1e-6, atol=1e-9)
+
+
+def test_silence_is_zero_without_end_or_as_often_as_asked(ros, paper):
+    loop = ControllerLoop(ros, paper, features_timeout=0.25, zero_twists=3, watchdog_period=0.01)
+    assert_servoes(loop)
+    loop.twists.clear()
+    ros.spin_until(lambda: len(loop.twists) >= 3, "three zero twists")
+    count = len(loop.states)
+    ros.spin_until(lambda: len(loop.states) > count + 10, "the state, which goes on")
+    assert len(loop.twists) == 3
+    assert_servoes(loop)
+    loop.set_parameters(zero_twists=-1)
+    loop.twists.clear()
+    ros.spin_until(lambda: len(loop.twists) > 10, "zero twists without end")
+    assert all(np.all(twist_values(each) == 0.0) for each in loop.twists)
+
+
+def test_garbage_between_good_frames_is_zero_and_forgotten(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    for spoil in (
+        set_number("moments", 3, float("nan")),
+        set_number("directions", 0, 1e300),
+        set_number("image_lines", 2, float("inf")),
+    ):
+        message = features(start_pose(1), loop.now())
+        spoil(message)
+        command, state = loop.answer(message)
+        assert state.mode == ControllerState.HALTED and np.all(twist_values(command) == 0.0)
+        assert_servoes(loop)
+    assert_all_finite_and_zero_unless_moving(loop)
+
+
+def test_lines_of_an_unknown_verdict_are_garbage(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    message = features(start_pose(1), loop.now())
+    message.lines_verdict = 77
+    _, state = loop.answer(message)
+    assert state.mode == ControllerState.HALTED and "'lines_verdict' of the feature message is 77" in state.reason
+
+
+def test_ambiguous_lines_are_not_followed(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    message = features(start_pose(1), loop.now())
+    message.lines_verdict, message.lines_reason = LineFeatureArray.LINES_AMBIGUOUS, "two poses fit"
+    command, state = loop.answer(message)
+    assert state.mode == ControllerState.HALTED and np.all(twist_values(command) == 0.0)
+    assert state.reason == "3-D lines are AMBIGUOUS: two poses fit"
+    assert_servoes(loop)
+
+
+@pytest.mark.parametrize("shift", [-3600, 3600])
+def test_a_single_stamp_that_jumps_is_zero(ros, paper, shift):
+    loop = ControllerLoop(ros, paper)
+    assert_servoes(loop)
+    stamp = loop.now()
+    stamp.sec += shift
+    command, state = loop.answer(features(start_pose(1), stamp))
+    assert state.mode == ControllerState.HALTED and np.all(twist_values(command) == 0.0)
+    assert_servoes(loop)
+
+
+def test_a_clock_that_jumps_back(ros, paper):
+    clock = ros.node.create_publisher(Clock, "/clock", qos.CLOCK)
+    loop = ControllerLoop(ros, paper, use_sim_time=True)
+    for seconds in (1000.0, 1000.1, 10.0, 10.1):
+        message = features(start_pose(1), seconds)
+        for _ in range(3):  # best effort
+            clock.publish(Clock(clock=message.header.stamp))
+            ros.spin_for(0.03)
+        loop.features.publish(message)
+        # The watchdog's states may have the same stamp.
+        ros.spin_until(
+            lambda: any(
+                each.header.stamp == message.header.stamp and each.mode == ControllerState.SERVOING
+                for each in loop.states
+            ),
+            f"an answer to the features at {seconds} s",
+        )
+
+
+def test_killed_and_started_again_it_goes_on(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    assert_servoes(loop)
+    ros.remove(loop.node)
+    loop.node = ros.add(Controller, paper, {"features_timeout": 5.0})
+    ros.spin_until(lambda: loop.features.get_subscription_count() > 0, "the new controller's subscription")
+    ros.spin_for(0.1)
+    assert_servoes(loop)
+
+
+def test_switched_off_and_on_in_mid_run(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    for _ in range(2):
+        assert_servoes(loop)
+        assert ros.call(SetBool, "controller/enable", SetBool.Request(data=False)).success
+        command, state = loop.answer(features(start_pose(1), loop.now()))
+        assert state.mode == ControllerState.DISABLED and np.all(twist_values(command) == 0.0)
+        assert ros.call(SetBool, "controller/enable", SetBool.Request(data=True)).success
+    assert_servoes(loop)
+
+
+def test_a_fault_of_its_own_is_zero_and_not_the_end(ros, paper, monkeypatch):
+    loop = ControllerLoop(ros, paper)
+    assert_servoes(loop)
+
+    def broken(*_):
+        raise RuntimeError("a bug")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(loop.node._servo, "step", broken)
+        loop.twists.clear()
+        loop.features.publish(features(start_pose(1), loop.now()))
+        ros.spin_until(lambda: loop.twists, "the twist after the fault")
+        assert np.all(twist_values(loop.twists[-1]) == 0.0)
+        ros.spin_until(lambda: loop.states[-1].mode == ControllerState.HALTED, "its state")
+        assert "a fault in the controller itself: RuntimeError('a bug')" in loop.states[-1].reason
+    assert_servoes(loop)
+
+
+def test_a_program_that_ends_by_a_fault_says_zero_first(ros, paper, monkeypatch):
+    class Faulty(Controller):
+        def __init__(self, **options):
+            super().__init__(**options)
+            self.create_timer(0.2, self._fail)
+
+        def _fail(self):
+            raise RuntimeError("a bug outside the controller's own callbacks")
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros.domain))
+    twists = ros.collect(ControllerState, "controller/state", qos.STATUS)
+    with pytest.raises(RuntimeError, match="a bug outside"):
+        run_node(Faulty, "", "", ["--ros-args", "--params-file", str(paper)])
+    ros.spin_until(lambda: any("shuts down" in each.reason for each in twists), "the last word")
+
+
+def status(level, stamp, reason="as told"):
+    return SingularityStatus(header=header(stamp, "camera_optical_frame"), level=level, reason=reason)
+
+
+def test_a_gated_controller_moves_only_with_a_fresh_status(ros, paper):
+    loop = ControllerLoop(ros, paper, gate="status", gate_timeout=0.3)
+    statuses = ros.publisher(SingularityStatus, "singularity_status", qos.STATUS)
+
+    def say(level):
+        statuses.publish(status(level, loop.node.now()))
+        ros.spin_for(0.05)
+
+    def state_now():
+        return loop.answer(features(start_pose(1), loop.now()))[1]
+
+    assert "no singularity statuses received yet" in state_now().reason
+    for level, mode in (
+        (SingularityStatus.OK, ControllerState.SERVOING),
+        (SingularityStatus.WARN, ControllerState.SERVOING),
+        (SingularityStatus.CRITICAL, ControllerState.HALTED),
+        (SingularityStatus.STALE, ControllerState.HALTED),
+        (SingularityStatus.OK, ControllerState.SERVOING),
+    ):
+        say(level)
+        assert state_now().mode == mode
+    # The monitor dies: nothing more is heard of it.
+    ros.spin_for(0.4)
+    command, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.HALTED and np.all(twist_values(command) == 0.0)
+    assert "no singularity statuses for" in state.reason
+    say(SingularityStatus.OK)
+    assert_servoes(loop)
+
+
+def test_a_target_that_changes_in_mid_run(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    assert_servoes(loop)
+    loop.set_parameters(**target_at(start_pose(1)))
+    _, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.CONVERGED
+    loop.set_parameters(**target_at(TARGET))
+    assert_servoes(loop)
+
+
+def test_a_target_that_changes_on_its_topic_in_mid_run(ros, paper):
+    loop = ControllerLoop(ros, paper, **{"target.source": "topic"})
+    desired = ros.publisher(LineFeatureArray, "desired_line_features", qos.LATCHED)
+
+    def state_with(message):
+        desired.publish(message)
+        ros.spin_for(0.1)
+        return loop.answer(features(start_pose(1), loop.now()))[1]
+
+    assert state_with(features(TARGET, 0)).mode == ControllerState.SERVOING
+    assert state_with(features(start_pose(1), 0)).mode == ControllerState.CONVERGED
+    # One that cannot be used leaves the target as it was.
+    assert state_with(features(TARGET, 0, ids=(1, 2))).mode == ControllerState.CONVERGED
+    assert state_with(features(TARGET, 0)).mode == ControllerState.SERVOING
+
+
+def test_a_target_out_of_reach_is_said_to_be(ros, paper):
+    loop = ControllerLoop(
+        ros, paper, **{"target.source": "topic", "stall.ratio": 1.0, "stall.time": 0.1, "max_linear_speed": 1e-9}
+    )
+    desired = ros.publisher(LineFeatureArray, "desired_line_features", qos.LATCHED)
+    impossible = features(TARGET, 0)
+    impossible.image_lines[2] += 5.0
+    desired.publish(impossible)
+    ros.spin_for(0.1)
+    for _ in range(3):
+        _, state = loop.answer(features(start_pose(1), loop.now()))
+        ros.spin_for(0.1)
+    assert state.mode == ControllerState.STALLED
+    assert "a target that no camera pose reaches" in state.reason
+    assert "m from transversal 1" in state.reason
+
+
+def test_a_target_on_a_singularity_is_refused_or_accepted_on_request(ros, paper):
+    loop = ControllerLoop(ros, paper, **target_at(ON_TRANSVERSAL))
+    command, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.REFUSED and np.all(twist_values(command) == 0.0)
+    assert "the target is at a singularity" in state.reason and "m from transversal 1" in state.reason
+    loop.set_parameters(**{"target.least_condition": 0.0})
+    command, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.SERVOING and np.any(twist_values(command) != 0.0)
+
+
+def test_the_state_says_what_the_law_did(ros, paper):
+    loop = ControllerLoop(ros, paper, law="guarded", max_linear_speed=0.01)
+    command, state = loop.answer(features(start_pose(4), loop.now()))
+    assert (state.law, state.gain, state.saturated) == ("guarded", 0.1, True)
+    assert state.linear_speed == pytest.approx(0.01)
+    assert 0.0 < state.scale <= 1.0
+    values = list(state.singular_values)
+    assert values == sorted(values, reverse=True) and values[-1] > 0.0
+    assert state.inverse_condition_number == pytest.approx(values[-1] / values[0])
+    loop.set_parameters(law="dls")
+    _, state = loop.answer(features(start_pose(4), loop.now()))
+    assert state.law == "dls" and state.damping > 0.0
+
+
+def test_the_twist_of_a_tool(ros, paper):
+    """A camera half a metre ahead of the tool, looking the same way, with the tool's axes turned by a right angle."""
+    turned = {"T_tool_camera.position": [0.0, 0.0, 0.5], "T_tool_camera.orientation": [0.0, 0.0, 0.5**0.5, 0.5**0.5]}
+    loop = ControllerLoop(ros, paper, tool_frame="tool0", **turned)
+    command, state = loop.answer(features(start_pose(1), loop.now()))
+    assert command.header.frame_id == "tool0"
+    v, w = np.split(plain_twist(start_pose(1)), 2)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    expected = np.concatenate([turn @ v + np.cross([0.0, 0.0, 0.5], turn @ w), turn @ w])
+    np.testing.assert_allclose(twist_values(command), expected, rtol=1e-6, atol=1e-9)
+    assert state.linear_speed == pytest.approx(np.linalg.norm(v))
+
+
+def test_a_detour_is_published_and_followed(ros, paper):
+    loop = ControllerLoop(ros, paper, law="detour")
+    ways = ros.collect(Path, "controller/way", qos.LATCHED)
+    loop.answer(features(start_pose(2), loop.now()))
+    ros.spin_until(lambda: ways and ways[-1].poses, "the way")
+    position = [ways[-1].poses[end].pose.position for end in (0, -1)]
+    for p, pose in zip(position, (start_pose(2), TARGET), strict=True):
+        np.testing.assert_allclose([p.x, p.y, p.z], pose.translation, atol=1e-6)
+    for _ in range(3):
+        ros.spin_for(0.05)
+        command, state = loop.answer(features(start_pose(2), loop.now()))
+    assert state.mode == ControllerState.SERVOING and state.way_progress > 0.0
+    assert 0.0 < state.linear_speed <= 0.15
+    assert len(ways) == 1
+
+
+def question(target, start=None):
+    request = CheckTarget.Request(from_present=start is None)
+    for message, pose in ((request.target.pose, target), (request.start, start)):
+        if pose is not None:
+            p, q = message.position, message.orientation
+            p.x, p.y, p.z = map(float, pose.translation)
+            q.x, q.y, q.z, q.w = map(float, pose.quaternion_xyzw)
+    return request
+
+
+def test_a_target_can_be_asked_about_before_going_there(ros, paper):
+    loop = ControllerLoop(ros, paper, law="detour")
+
+    def ask(*poses):
+        return ros.call(CheckTarget, "controller/check_target", question(*poses))
+
+    assert not ask(TARGET).success  # nothing seen yet
+    assert "where the camera is now is not known" in ask(TARGET).message
+    clear, blocked, singular = ask(TARGET, start_pose(1)), ask(TARGET, start_pose(2)), ask(ON_TRANSVERSAL, TARGET)
+    assert (clear.success, clear.decision) == (True, CheckTarget.Response.STRAIGHT)
+    assert blocked.decision == CheckTarget.Response.DETOUR and "transversal 1" in blocked.reason
+    assert blocked.straight_nearest.name == "transversal 1"
+    assert blocked.target_inverse_condition_number == pytest.approx(4.09e-4, rel=1e-2)
+    assert len(blocked.way.poses) > 2 and blocked.way.header.frame_id == "world"
+    assert singular.decision == CheckTarget.Response.REFUSE and not singular.way.poses
+    loop.answer(features(start_pose(2), loop.now()))
+    assert ask(TARGET).decision == CheckTarget.Response.DETOUR
+    no_pose = CheckTarget.Request(from_present=True)
+    no_pose.target.pose.orientation.w = 0.0
+    answer = ros.call(CheckTarget, "controller/check_target", no_pose)
+    assert not answer.success and "length 0, expected 1" in answer.message
+
+
+def test_live_changes_reach_the_law(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    assert_servoes(loop)
+    loop.set_parameters(gain=0.2)
+    command, _ = loop.answer(features(start_pose(1), loop.now()))
+    np.testing.assert_allclose(twist_values(command), 2.0 * plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
+    result = loop.node.set_parameters_atomically([Parameter("gain_slope", value=1.0), Parameter("gain", value=0.01)])
+    assert not result.successful and "gain_at_infinity" in result.reason
+    command, _ = loop.answer(features(start_pose(1), loop.now()))
+    np.testing.assert_allclose(twist_values(command), 2.0 * plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
