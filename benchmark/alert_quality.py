@@ -47,6 +47,7 @@ class _Replay:
     twist: np.ndarray
     noise: float
     goal_known: bool
+    with_pose: bool
 
 
 def main() -> None:
@@ -55,20 +56,22 @@ def main() -> None:
         study(seed, TASKS)
 
 
-def study(seed: int, count: int, noise: float = 0.0, goal_known: bool = True) -> None:
+def study(
+    seed: int, count: int, noise: float = 0.0, goal_known: bool = True, with_pose: bool = True, workers: int = 2
+) -> None:
     """Run the tasks of a seed, replay them through the monitor, and print the result."""
     tasks = [random_task(seed, i) for i in range(count)]
     with tqdm(total=STEPS, desc=f"seed {seed}: servo runs", leave=False) as bar:
         runs = run_all(tasks, bar.update)
-    replays = [_replay(i, task, runs, noise, goal_known) for i, task in enumerate(tasks)]
-    with ProcessPoolExecutor(2, initializer=os.nice, initargs=(5,)) as pool:
+    replays = [_replay(i, task, runs, noise, goal_known, with_pose) for i, task in enumerate(tasks)]
+    with ProcessPoolExecutor(workers, initializer=os.nice, initargs=(5,)) as pool:
         alerts = list(
             tqdm(pool.map(_first_alert, replays, chunksize=5), total=count, desc=f"seed {seed}: monitor", leave=False)
         )
-    print(_report(seed, runs, alerts, noise, goal_known), flush=True)
+    print(_report(replays, seed, runs, alerts), flush=True)
 
 
-def _replay(number: int, task: Task, runs: Runs, noise: float, goal_known: bool) -> _Replay:
+def _replay(number: int, task: Task, runs: Runs, noise: float, goal_known: bool, with_pose: bool) -> _Replay:
     n = runs.frames[number]
     return _Replay(
         number,
@@ -78,6 +81,7 @@ def _replay(number: int, task: Task, runs: Runs, noise: float, goal_known: bool)
         runs.twist[:n, number].copy(),
         noise,
         goal_known,
+        with_pose,
     )
 
 
@@ -99,7 +103,8 @@ def _first_alert(replay: _Replay) -> tuple[int, str] | None:
     ):
         camera.T_world_camera = Pose(rotation, position)
         stamp = _FIRST_STAMP + round(frame * TIME_STEP * 1e9)
-        monitor.receive_pose(camera.T_world_camera, stamp)
+        if replay.with_pose:
+            monitor.receive_pose(camera.T_world_camera, stamp)
         seen: LineObservation = camera.observe()
         assessment = monitor.assess(seen, stamp, stamp)
         if assessment is not None and assessment.level in (Level.WARN, Level.CRITICAL):
@@ -108,7 +113,7 @@ def _first_alert(replay: _Replay) -> tuple[int, str] | None:
     return None
 
 
-def _report(seed: int, runs: Runs, alerts: list[tuple[int, str] | None], noise: float, goal_known: bool) -> str:
+def _report(replays: list[_Replay], seed: int, runs: Runs, alerts: list[tuple[int, str] | None]) -> str:
     blew_up = runs.blew_up
     first = np.array([np.inf if alert is None else alert[0] for alert in alerts])
     lead = (runs.frames - 1 - first) * TIME_STEP
@@ -117,12 +122,13 @@ def _report(seed: int, runs: Runs, alerts: list[tuple[int, str] | None], noise: 
     speed = np.linalg.norm(runs.twist[:, :, :3], axis=2)
     calm = speed.max(axis=0) < 2.0 * speed[0]
     leads = np.where(announced, lead, 0.0)[blew_up]
-    causes = Counter(_cause(alerts[i][1]) for i in np.flatnonzero(false))  # type: ignore[index]
-    goal = "known" if goal_known else "not known"
+    causes = Counter(_cause(alerts[i][1]) for i in np.flatnonzero(false))
+    goal = "known" if replays[0].goal_known else "not known"
+    pose = "camera_pose" if replays[0].with_pose else "no camera_pose"
     return "\n".join(
         [
-            f"seed {seed}: {len(blew_up)} tasks, goal {goal}, noise {noise:g}: {blew_up.sum()} blow-ups, "
-            f"{(~blew_up).sum()} others",
+            f"seed {seed}: {len(blew_up)} tasks, goal {goal}, {pose}, noise {replays[0].noise:g}: "
+            f"{blew_up.sum()} blow-ups, {(~blew_up).sum()} others",
             f"  announced            {announced.sum()} of {blew_up.sum()} ({announced.sum() / blew_up.sum():.1%})",
             f"  lead                 median {np.median(leads):.2f} s, 5th percentile {np.quantile(leads, 0.05):.2f} s",
             f"  lead >= {_WANTED_LEAD} s        {np.mean(leads >= _WANTED_LEAD):.1%}",
@@ -143,5 +149,7 @@ if __name__ == "__main__":
     parser.add_argument("--tasks", type=int, default=TASKS)
     parser.add_argument("--noise", type=float, default=0.0, help="on the Plücker coordinates of the lines")
     parser.add_argument("--no-goal", action="store_true", help="the monitor does not know the goal")
+    parser.add_argument("--no-pose", action="store_true", help="the monitor gets no camera_pose")
+    parser.add_argument("--workers", type=int, default=2, help="processes")
     options = parser.parse_args()
-    study(options.seed, options.tasks, options.noise, not options.no_goal)
+    study(options.seed, options.tasks, options.noise, not options.no_goal, not options.no_pose, options.workers)

@@ -11,6 +11,8 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import functools
+import itertools
 import resource
 import sys
 import tracemalloc
@@ -29,6 +31,7 @@ GOAL = Pose(np.eye(3), np.array([0.0, 0.0, -5.0]))
 START = Pose(np.eye(3), np.array([0.2, -0.1, -6.0]))
 CYCLES = 100_000
 _STEP = 40_000_000  # [ns]
+_FRAMES = 200
 
 
 def main() -> None:
@@ -37,11 +40,8 @@ def main() -> None:
     _memory(CYCLES)
 
 
-def _task(n: int, goal_known: bool = True) -> tuple[SingularityMonitor, LineObservation, np.ndarray]:
-    """Return a monitor, what a camera at START sees, and the twist that the plain law commands there."""
-    generator = np.random.default_rng(n)
-    lines = LineSet.from_points_directions(generator.normal(size=(n, 3)), generator.normal(size=(n, 3)))
-    monitor = SingularityMonitor(
+def _monitor(lines: LineSet, goal_known: bool) -> SingularityMonitor:
+    return SingularityMonitor(
         MonitorParameters(
             lines_points=tuple(lines.point.ravel()),
             lines_directions=tuple(lines.direction.ravel()),
@@ -49,18 +49,28 @@ def _task(n: int, goal_known: bool = True) -> tuple[SingularityMonitor, LineObse
             target_position=tuple(GOAL.translation),
         )
     )
-    seen = lines.transformed(START.inverse(), "camera")
-    error = project_lines(seen) - project_lines(lines.transformed(GOAL.inverse(), "camera"))
-    twist = -0.1 * np.linalg.lstsq(interaction_matrix(seen), error, rcond=None)[0]
-    return monitor, LineObservation.of_lines(seen), twist
 
 
-def _cycles(n: int, with_pose: bool, with_twist: bool) -> Iterator[None]:
-    monitor, observation, twist = _task(n)
-    stamp = 10**9
-    while True:
+def _run(lines: LineSet) -> list[tuple[Pose, LineObservation, np.ndarray]]:
+    """Return pose, what the camera sees and the plain law's twist, frame by frame on the way from START."""
+    desired = project_lines(lines.transformed(GOAL.inverse(), "camera"))
+    pose, frames = START, []
+    for _ in range(_FRAMES):
+        seen = lines.transformed(pose.inverse(), "camera")
+        twist = -0.1 * np.linalg.lstsq(interaction_matrix(seen), project_lines(seen) - desired, rcond=None)[0]
+        frames.append((pose, LineObservation.of_lines(seen), twist))
+        pose = pose.moved(twist, _STEP / 1e9)
+    return frames
+
+
+def _cycles(n: int, with_pose: bool, with_twist: bool, goal_known: bool = True) -> Iterator[None]:
+    """Yield after each cycle; the run begins anew when it is over, which the monitor sees as a jump of the camera."""
+    generator = np.random.default_rng(n)
+    lines = LineSet.from_points_directions(generator.normal(size=(n, 3)), generator.normal(size=(n, 3)))
+    monitor, stamp = _monitor(lines, goal_known), 10**9
+    for pose, observation, twist in itertools.cycle(_run(lines)):
         if with_pose:
-            monitor.receive_pose(START, stamp)
+            monitor.receive_pose(pose, stamp)
         monitor.assess(observation, stamp, stamp)
         if with_twist:
             monitor.receive_twist(twist, stamp)
@@ -69,15 +79,14 @@ def _cycles(n: int, with_pose: bool, with_twist: bool) -> Iterator[None]:
 
 
 def _cost() -> None:
-    print("median of receive_pose, assess and receive_twist together [us]\n")
-    print(f"{'lines':>6} {'pose, twist, goal':>18} {'pose':>8} {'no pose, twist, goal':>21}")
+    print("receive_pose, assess and receive_twist together [us]\n")
+    print(f"{'lines':>6} {'pose, twist, goal':>18} {'goal not known':>15} {'no pose':>8} {'pose only':>10}")
     for n in (4, 8, 20):
-        everything, pose, features = _cycles(n, True, True), _cycles(n, True, False), _cycles(n, False, True)
-        medians = median_seconds(
-            {"all": lambda: next(everything), "pose": lambda: next(pose), "features": lambda: next(features)}
-        )
-        values = [1e6 * medians[name] for name in ("all", "pose", "features")]
-        print(f"{n:6d} {values[0]:18.0f} {values[1]:8.0f} {values[2]:21.0f}")
+        ways = [(True, True, True), (True, True, False), (False, True, True), (True, False, False)]
+        running = [_cycles(n, *way) for way in ways]
+        medians = median_seconds({str(i): functools.partial(next, each) for i, each in enumerate(running)})
+        everything, unknown, features, pose = (1e6 * medians[str(i)] for i in range(len(ways)))
+        print(f"{n:6d} {everything:18.0f} {unknown:15.0f} {features:8.0f} {pose:10.0f}")
 
 
 def _memory(cycles: int) -> None:

@@ -16,22 +16,21 @@ from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     alert_message,
-    camera_pose_from_message,
     header,
     loci_message,
     nanoseconds,
     observation_from_message,
-    pose_from_message,
     status_message,
     twist_from_message,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.markers import CameraMarkers, scene_markers
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
+from plsing_ros.nodes.pose_conversions import camera_pose_from_message, pose_from_message
 from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import MonitorParameters
+from plsing_ros.servoing.assessment import Assessment
 from plsing_ros.servoing.levels import Level
-from plsing_ros.servoing.singularity_monitor import Assessment
 from plsing_ros.servoing.singularity_monitor import SingularityMonitor as Monitor
 
 _DIAGNOSTIC_LEVELS = {

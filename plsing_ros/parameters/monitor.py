@@ -2,131 +2,97 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from plsing_ros.errors import ParameterError
 from plsing_ros.parameters.parameter_set import parameter
 from plsing_ros.parameters.task import TaskParameters
 
-# Numbers that are the worse the smaller they are, by their ROS names, and the fields of their thresholds.
-_INDICATORS = {
-    "inverse_condition_number": "condition",
-    "relative_inverse_condition_number": "relative_condition",
-    "smallest_singular_value": "singular_value",
-    "transversal_distance": "transversal_distance",
-    "isolated_point_distance": "point_distance",
-    "surface_distance": "surface_distance",
-}
 _RATIO = {"minimum": 0.0, "maximum": 1.0}
 _DISTANCE = {"unit": "m", "minimum": 0.0, "maximum": 1e6}
 _NUMBER = {"minimum": 0.0, "maximum": 1e12}
 _GROWTH = {"minimum": 0.0, "maximum": 1e6}
 
 
-def _threshold(level: str, name: str, default: float, condition: str, details: dict[str, Any]) -> Any:
-    return parameter(default, f"{level}.{name}", f"{level.upper()} {condition}; 0 switches it off", **details)
+class _Judged(NamedTuple):
+    """A number that levels are judged by: its thresholds are four parameters, made from this one row.
+
+    Attributes:
+        field: Its name in fields of the dataclass.
+        warn: Default of warn.<name>.
+        critical: Default of critical.<name>.
+        condition: When a level is entered, in words.
+        details: Unit and range.
+        rises: Whether it is the worse the larger it is; the others are the worse the smaller they are.
+    """
+
+    field: str
+    warn: float
+    critical: float
+    condition: str
+    details: dict[str, Any]
+    rises: bool = False
 
 
-def _exit(
-    level: str, name: str, details: dict[str, Any], better: str = "at or above", factor: str = "1.2 times"
-) -> Any:
-    return parameter(
-        0.0,
-        f"{level}.{name}_exit",
-        f"{level.upper()} on this number ends {better} this; 0: {factor} {level}.{name}",
-        **details,
-    )
-
-
-@dataclass(frozen=True)
-class MonitorParameters(TaskParameters):
-    """When to warn, and which input to trust."""
-
-    warn_condition: float = _threshold(
-        "warn", "inverse_condition_number", 0.001, "below this raw inverse condition number", _RATIO
-    )
-    warn_condition_exit: float = _exit("warn", "inverse_condition_number", _RATIO)
-    critical_condition: float = _threshold(
-        "critical", "inverse_condition_number", 0.0001, "below this raw inverse condition number", _RATIO
-    )
-    critical_condition_exit: float = _exit("critical", "inverse_condition_number", _RATIO)
-    warn_relative_condition: float = _threshold(
-        "warn",
-        "relative_inverse_condition_number",
+_JUDGED = {
+    "inverse_condition_number": _Judged("condition", 1e-3, 1e-4, "below this raw inverse condition number", _RATIO),
+    "relative_inverse_condition_number": _Judged(
+        "relative_condition",
         0.02,
-        "below this ratio of the inverse condition number to its value at the goal",
-        _NUMBER,
-    )
-    warn_relative_condition_exit: float = _exit("warn", "relative_inverse_condition_number", _NUMBER)
-    critical_relative_condition: float = _threshold(
-        "critical",
-        "relative_inverse_condition_number",
         0.005,
         "below this ratio of the inverse condition number to its value at the goal",
         _NUMBER,
-    )
-    critical_relative_condition_exit: float = _exit("critical", "relative_inverse_condition_number", _NUMBER)
-    warn_singular_value: float = _threshold(
-        "warn",
-        "smallest_singular_value",
-        0.0,
-        "below this smallest singular value of the raw interaction matrix",
-        _NUMBER,
-    )
-    warn_singular_value_exit: float = _exit("warn", "smallest_singular_value", _NUMBER)
-    critical_singular_value: float = _threshold(
-        "critical",
-        "smallest_singular_value",
-        0.0,
-        "below this smallest singular value of the raw interaction matrix",
-        _NUMBER,
-    )
-    critical_singular_value_exit: float = _exit("critical", "smallest_singular_value", _NUMBER)
-    warn_transversal_distance: float = _threshold(
-        "warn", "transversal_distance", 0.02, "nearer than this to a transversal", _DISTANCE
-    )
-    warn_transversal_distance_exit: float = _exit("warn", "transversal_distance", _DISTANCE)
-    critical_transversal_distance: float = _threshold(
-        "critical", "transversal_distance", 0.005, "nearer than this to a transversal", _DISTANCE
-    )
-    critical_transversal_distance_exit: float = _exit("critical", "transversal_distance", _DISTANCE)
-    warn_point_distance: float = _threshold(
-        "warn", "isolated_point_distance", 0.02, "nearer than this to an isolated point", _DISTANCE
-    )
-    warn_point_distance_exit: float = _exit("warn", "isolated_point_distance", _DISTANCE)
-    critical_point_distance: float = _threshold(
-        "critical", "isolated_point_distance", 0.005, "nearer than this to an isolated point", _DISTANCE
-    )
-    critical_point_distance_exit: float = _exit("critical", "isolated_point_distance", _DISTANCE)
-    warn_surface_distance: float = _threshold(
-        "warn", "surface_distance", 0.02, "nearer than this to a plane, quadric or cubic of singular centres", _DISTANCE
-    )
-    warn_surface_distance_exit: float = _exit("warn", "surface_distance", _DISTANCE)
-    critical_surface_distance: float = _threshold(
-        "critical",
-        "surface_distance",
-        0.005,
-        "nearer than this to a plane, quadric or cubic of singular centres",
-        _DISTANCE,
-    )
-    critical_surface_distance_exit: float = _exit("critical", "surface_distance", _DISTANCE)
-    warn_growth: float = _threshold(
-        "warn",
-        "speed_growth",
-        10.0,
-        "when the speed is about to be this many times that at the start of the motion",
-        _GROWTH,
-    )
-    warn_growth_exit: float = _exit("warn", "speed_growth", _GROWTH, "at or below", "1/1.2 of")
-    critical_growth: float = _threshold(
-        "critical",
-        "speed_growth",
+    ),
+    "smallest_singular_value": _Judged(
+        "singular_value", 0.0, 0.0, "below this smallest singular value of the raw interaction matrix", _NUMBER
+    ),
+    "transversal_distance": _Judged(
+        "transversal_distance", 0.02, 0.005, "nearer than this to a transversal", _DISTANCE
+    ),
+    "isolated_point_distance": _Judged(
+        "point_distance", 0.02, 0.005, "nearer than this to an isolated point", _DISTANCE
+    ),
+    "surface_distance": _Judged(
+        "surface_distance", 0.02, 0.005, "nearer than this to a plane, quadric or cubic of singular centres", _DISTANCE
+    ),
+    "speed_growth": _Judged(
+        "growth",
+        9.0,
         20.0,
         "when the speed is about to be this many times that at the start of the motion",
         _GROWTH,
-    )
-    critical_growth_exit: float = _exit("critical", "speed_growth", _GROWTH, "at or below", "1/1.2 of")
+        rises=True,
+    ),
+}
+
+
+def _threshold_fields() -> Iterator[tuple[str, Any]]:
+    """Yield the fields of all thresholds: of each number warn, its exit, critical, its exit."""
+    for name, (field, warn, critical, condition, details, rises) in _JUDGED.items():
+        better, factor = ("at or below", "1/1.2 of") if rises else ("at or above", "1.2 times")
+        for level, default in (("warn", warn), ("critical", critical)):
+            text = f"{level.upper()} {condition}; 0 switches it off"
+            yield f"{level}_{field}", parameter(default, f"{level}.{name}", text, **details)
+            text = f"{level.upper()} on this number ends {better} this; 0: {factor} {level}.{name}"
+            yield f"{level}_{field}_exit", parameter(0.0, f"{level}.{name}_exit", text, **details)
+
+
+def _with_thresholds(cls: type[MonitorParameters]) -> type[MonitorParameters]:
+    """Declare the thresholds before the other fields of a class that is about to become a dataclass."""
+    fields = dict(_threshold_fields())
+    cls.__annotations__ = dict.fromkeys(fields, "float") | cls.__annotations__
+    for field, declared in fields.items():
+        setattr(cls, field, declared)
+    return cls
+
+
+@dataclass(frozen=True)
+@_with_thresholds
+class MonitorParameters(TaskParameters):
+    """When to warn, and which input to trust; thresholds are fields too: warn_condition, warn_condition_exit, ..."""
+
     condition_thresholds: str = parameter(
         "auto",
         "condition_thresholds",
@@ -140,7 +106,7 @@ class MonitorParameters(TaskParameters):
         25, "debounce.lower", "Cycles in a row that must allow a better level", minimum=1, maximum=10000
     )
     horizon: float = parameter(
-        1.8,
+        1.4,
         "prediction.horizon",
         "How far ahead a prediction may raise WARN; 0 switches prediction off",
         unit="s",
@@ -225,39 +191,30 @@ class MonitorParameters(TaskParameters):
     def check(self) -> None:
         """Refuse thresholds in the wrong order, and a target that is no pose."""
         super().check()
-        for name in _INDICATORS:
+        for name, judged in _JUDGED.items():
             warn, warn_exit, critical, critical_exit = self.thresholds(name)
+            least, side = ("most", "above") if judged.rises else ("least", "below")
             for level, entering, leaving in (("warn", warn, warn_exit), ("critical", critical, critical_exit)):
-                if 0.0 < leaving < entering:
+                if entering > 0.0 and leaving > 0.0 and _is_worse(leaving, entering, judged.rises):
                     raise ParameterError(
-                        f"parameter '{level}.{name}_exit' is {leaving:g}, below '{level}.{name}' = {entering:g}; "
-                        "it must be at least that, or 0"
+                        f"parameter '{level}.{name}_exit' is {leaving:g}, {side} '{level}.{name}' = {entering:g}; "
+                        f"it must be at {least} that, or 0"
                     )
-            if warn < critical:
+            if critical > 0.0 and _is_worse(warn, critical, judged.rises):
                 raise ParameterError(
-                    f"parameter 'warn.{name}' is {warn:g}, below 'critical.{name}' = {critical:g}; "
-                    "it must be at least that, so that the warning comes first"
+                    f"parameter 'warn.{name}' is {warn:g}, {side} 'critical.{name}' = {critical:g}; "
+                    f"it must be at {least} that, so that the warning comes first"
                 )
-        for level, growth, leaving in (
-            ("warn", self.warn_growth, self.warn_growth_exit),
-            ("critical", self.critical_growth, self.critical_growth_exit),
-        ):
-            if leaving > growth > 0.0:
-                raise ParameterError(
-                    f"parameter '{level}.speed_growth_exit' is {leaving:g}, above '{level}.speed_growth' = {growth:g}; "
-                    "it must be at most that, or 0"
-                )
-        if 0.0 < self.critical_growth < self.warn_growth:
-            raise ParameterError(
-                f"parameter 'warn.speed_growth' is {self.warn_growth:g}, above 'critical.speed_growth' = "
-                f"{self.critical_growth:g}; it must be at most that, so that the warning comes first"
-            )
         self.target_pose()
 
     def thresholds(self, name: str) -> tuple[float, float, float, float]:
         """Return warn, its exit, critical, its exit of a number by its ROS name, for example "transversal_distance"."""
-        field = _INDICATORS[name]
+        field = _JUDGED[name].field
         warn, warn_exit, critical, critical_exit = (
             float(getattr(self, f"{level}_{field}{end}")) for level in ("warn", "critical") for end in ("", "_exit")
         )
         return warn, warn_exit, critical, critical_exit
+
+
+def _is_worse(one: float, other: float, rises: bool) -> bool:
+    return one > other if rises else one < other

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation, interaction_matrix, inverse_condition_number
@@ -43,7 +41,7 @@ class Goal:
         return self._inverse
 
     def image_lines(self, ids: tuple[int, ...]) -> Array | None:
-        """Return the image lines at the goal in the order of the ids, shape (3n,), or None if it lacks one of them."""
+        """Return the image lines at the goal in the order of the ids, shape (n, 3), or None if it lacks one of them."""
         self._select(ids)
         return self._desired
 
@@ -55,4 +53,4 @@ class Goal:
         if len(rows) >= MINIMUM_LINES:
             self._inverse = inverse_condition_number(interaction_matrix(self._lines.select(rows)))
         if len(rows) == len(ids):
-            self._desired = np.ravel(self._image[rows])
+            self._desired = self._image[rows]

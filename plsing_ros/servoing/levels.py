@@ -20,6 +20,10 @@ class Level(enum.IntEnum):
     DISABLED = 5
 
 
+# A look-up in an enumeration costs as much as the rest of a quiet cycle of a latch.
+_OK = Level.OK
+
+
 @dataclass(frozen=True)
 class Thresholds:
     """Where a number that is the worse the smaller it is becomes a concern, and where it stops being one.
@@ -89,6 +93,9 @@ class Latch:
 
     def update(self, value: float, thresholds: Thresholds, debounce: Debounce) -> Level:
         """Return the level after one more number."""
+        if self._level is _OK and value >= thresholds.warn and value >= thresholds.critical:
+            self._raising = self._lowering = 0
+            return _OK
         entered = thresholds.entered(value)
         if self._level is None:
             self._level = entered

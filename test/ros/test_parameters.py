@@ -11,9 +11,10 @@ from plsing_ros.errors import ParameterError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import Controller
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
+from plsing_ros.nodes.pose_estimator import PoseEstimator
 from plsing_ros.nodes.singularity_monitor import SingularityMonitor
 
-NODES = [FeatureSimulator, Controller, SingularityMonitor]
+NODES = [FeatureSimulator, Controller, PoseEstimator, SingularityMonitor]
 
 
 @pytest.mark.parametrize("node", NODES)

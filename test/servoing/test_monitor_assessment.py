@@ -1,5 +1,7 @@
 """The monitor's cycle without ROS: goal, prediction, position, faults, and noise at the thresholds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,11 +9,17 @@ from hypothesis import strategies as st
 from strategies import vectors
 
 from plsing_ros.errors import GeometryError, ObservationError, ParameterError
-from plsing_ros.features import LineObservation, interaction_matrix, inverse_condition_number, project_lines
+from plsing_ros.features import (
+    LineObservation,
+    LinesVerdict,
+    interaction_matrix,
+    inverse_condition_number,
+    project_lines,
+)
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import MonitorParameters
+from plsing_ros.servoing.approach import Trend
 from plsing_ros.servoing.levels import Level
-from plsing_ros.servoing.prediction import Trend
 from plsing_ros.servoing.simulated_camera import SimulatedCamera
 from plsing_ros.servoing.singularity_monitor import SingularityMonitor
 
@@ -56,12 +64,14 @@ def inverse_at(pose):
     return inverse_condition_number(interaction_matrix(seen(pose).lines_camera))
 
 
-def servo(monitor, start, goal, frames):
+def servo(monitor, start, goal, frames, with_pose=False):
     """Run the plain law and return the assessments; the twist of a frame comes after its assessment."""
     pose, found = start, []
     desired = project_lines(SCENE.transformed(goal.inverse(), "camera"))
     for stamp in range(NOW, NOW + frames * STEP, STEP):
         lines = SCENE.transformed(pose.inverse(), "camera")
+        if with_pose:
+            monitor.receive_pose(pose, stamp)
         found.append(monitor.assess(LineObservation.of_lines(lines), stamp, stamp))
         twist = -0.1 * np.linalg.lstsq(interaction_matrix(lines), project_lines(lines) - desired, rcond=None)[0]
         monitor.receive_twist(twist, stamp)
@@ -70,7 +80,7 @@ def servo(monitor, start, goal, frames):
 
 
 def test_the_healthy_goal_of_the_paper_is_not_alerted_once_it_is_known():
-    assert monitor_for().assess(seen(TARGET), NOW, NOW).level is Level.WARN
+    assert monitor_for(prediction__preview_rules=False).assess(seen(TARGET), NOW, NOW).level is Level.WARN
     known = monitor_for(TARGET).assess(seen(TARGET), NOW, NOW)
     assert known.level is Level.OK
     assert known.goal_inverse_condition_number == pytest.approx(inverse_at(TARGET)) == pytest.approx(4.1e-4, rel=0.02)
@@ -101,6 +111,53 @@ def test_start_2_is_announced_before_the_speed_grows_and_before_any_threshold():
     assert found[first].trend is Trend.APPROACHING and found[first].approach.name == "transversal 1"
     assert found[first].lost_motion_text == "translation along transversal 1"
     assert Level.CRITICAL in [each.level for each in found[first:]]
+
+
+@pytest.mark.parametrize("with_pose", [True, False])
+def test_start_2_is_announced_as_well_to_a_monitor_that_does_not_know_the_goal(with_pose):
+    known, unknown = monitor_for(TARGET), monitor_for()
+    assert unknown.assess(seen(START_2), NOW - SECOND, NOW - SECOND).goal_inverse_condition_number is None
+    first = []
+    for monitor in (known, unknown):
+        found = servo(monitor, START_2, TARGET, 220, with_pose)
+        first.append(next(i for i, each in enumerate(found) if each.level is not Level.OK))
+        assert "speed expected in" in found[first[-1]].reason
+    assert first[1] == first[0]
+
+
+def test_a_speed_that_passes_zero_is_no_new_start():
+    """A camera that only turns for an instant: growth still refers to the speed at the start of the motion."""
+    monitor = monitor_for(TARGET)
+    for i in range(30):
+        monitor.assess(seen(START), NOW + i * STEP, NOW + i * STEP)
+        monitor.receive_twist([0.1 if i != 20 else 1e-5, 0, 0, 0, 0.1, 0], NOW + i * STEP)
+    assert monitor._foresight._first_speed == pytest.approx(0.1)
+    for i in range(30, 60):
+        monitor.receive_twist(np.zeros(6), NOW + i * STEP)
+    monitor.receive_twist([0.02, 0, 0, 0, 0, 0], NOW + 60 * STEP)
+    assert monitor._foresight._first_speed == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "expected"),
+    [
+        (LinesVerdict.GIVEN, Level.OK),
+        (LinesVerdict.OK, Level.OK),
+        (LinesVerdict.POOR, Level.WARN),
+        (LinesVerdict.AMBIGUOUS, Level.CRITICAL),
+    ],
+)
+def test_no_level_is_better_than_the_lines_it_rests_on(verdict, expected):
+    monitor = monitor_for(TARGET)
+    doubtful = replace(seen(START), verdict=verdict, verdict_reason="the pose has two solutions")
+    for i in range(3):
+        found = monitor.assess(doubtful, NOW + i * STEP, NOW + i * STEP)
+    assert found.level is expected
+    if expected is not Level.OK:
+        assert f"trust in the 3-D lines ({verdict.name}: the pose has two solutions)" in found.reason
+    levels = [monitor.assess(seen(START), NOW + i * STEP, NOW + i * STEP).level for i in range(3, 40)]
+    assert levels[-1] is Level.OK
+    assert monitor.assess_pose(START).level is Level.OK
 
 
 def test_start_1_stays_quiet():

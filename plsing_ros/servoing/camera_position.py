@@ -1,0 +1,77 @@
+"""Where the camera is: by a pose of about the same time, or else by the lines themselves."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from plsing_ros.errors import GeometryError, ObservationError
+from plsing_ros.geometry import LineSet, Pose, align_lines
+from plsing_ros.geometry.line_alignment import lines_to_reverse, reversed_lines
+
+_SECOND = 1_000_000_000
+# Poses and features come on two topics: enough poses to find the one that belongs to features that were overtaken.
+_REMEMBERED_POSES = 10
+# Features whose directions fit the scene no better than this do not belong to it [rad].
+_LARGEST_MISFIT = 0.5
+
+
+class CameraPosition:
+    """The poses received lately, and which one belongs to features."""
+
+    def __init__(self) -> None:
+        self._poses: deque[tuple[int, Pose]] = deque(maxlen=_REMEMBERED_POSES)
+
+    def receive(self, T_world_camera: Pose, stamp: int) -> None:
+        """Take the camera's pose at a stamp [ns]."""
+        self._poses.append((stamp, T_world_camera))
+
+    def forget(self) -> None:
+        """Trust no pose received so far."""
+        self._poses.clear()
+
+    def locate(self, scene: LineSet, lines: LineSet, stamp: int, tolerance: float) -> tuple[Pose | None, str]:
+        """Return where the camera is, or None, and the source: "camera_pose", "features" or "".
+
+        Args:
+            scene: The lines in the scene frame.
+            lines: Those that are seen, in the camera frame.
+            stamp: Of the features [ns].
+            tolerance: How far the stamp of a pose may be from theirs [s].
+
+        Raises:
+            ObservationError: If a line is reversed with respect to the scene.
+        """
+        against: tuple[int, ...] = ()
+        pose = self._received(stamp, tolerance)
+        if pose is not None:
+            source, against = "camera_pose", reversed_lines(scene, lines, pose.rotation)
+        else:
+            try:
+                aligned = align_lines(scene, lines)
+            except (GeometryError, np.linalg.LinAlgError):
+                return None, ""
+            pose, source = aligned.T_scene_camera, "features"
+            if aligned.angle > _LARGEST_MISFIT:
+                against = lines_to_reverse(scene, lines, _LARGEST_MISFIT)
+                if not against:
+                    return None, ""
+        if against:
+            several = len(against) > 1
+            raise ObservationError(
+                f"line{'s' if several else ''} {', '.join(map(str, against))} {'are' if several else 'is'} reversed "
+                "with respect to the scene: the direction's sign must agree with lines.directions"
+            )
+        return pose, source
+
+    def _received(self, stamp: int, tolerance: float) -> Pose | None:
+        found, least = None, tolerance * _SECOND
+        # The latest comes first, and nearly always has the very stamp of the features.
+        for pose_stamp, pose in reversed(self._poses):
+            apart = abs(pose_stamp - stamp)
+            if apart <= least and (found is None or apart < least):
+                found, least = pose, apart
+            if apart == 0:
+                break
+        return found

@@ -1,0 +1,61 @@
+"""The scene's singular set, and where a camera is in it by the lines it sees."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.servoing.camera_position import CameraPosition
+from plsing_ros.singularities import Kind, LocusDistance, SingularSet, singular_set
+
+
+class SceneLoci:
+    """Distances to the singular loci of one scene; the singular set is computed when it is first needed."""
+
+    def __init__(self, lines: LineSet) -> None:
+        self.lines = lines
+        self._position = CameraPosition()
+
+    @cached_property
+    def found(self) -> SingularSet:
+        """The singular set."""
+        return singular_set(self.lines)
+
+    @cached_property
+    def _rows(self) -> Array:
+        # The observed lines are left out: their images degenerate first, and such images are not used.
+        rows = [row for row, kind in enumerate(self.found.locus_kinds) if kind is not Kind.OBSERVED_LINE]
+        return np.array(rows, dtype=np.intp)
+
+    def camera_pose(self, seen: LineSet) -> Pose | None:
+        """Return T_scene_camera of a camera that sees lines, or None if they do not tell.
+
+        Args:
+            seen: In the camera's optical frame.
+
+        Raises:
+            ObservationError: If a line is reversed with respect to the scene.
+        """
+        return self._position.locate(self.lines, seen, 0, 0.0)[0]
+
+    def offsets(self, center: Array) -> Array:
+        """Return the vectors from a camera centre to the closest point of each locus, shape (k, 3) [m].
+
+        Args:
+            center: In the scene frame, shape (3,) [m].
+        """
+        offset: Array = self.found.distance_arrays(center).closest_point[self._rows] - center
+        return offset
+
+    def nearest(self, center: Array) -> LocusDistance | None:
+        """Return the nearest locus other than the observed lines, or None if there is none."""
+        found = (each for each in self.found.distances(center) if each.kind is not Kind.OBSERVED_LINE)
+        return next(found, None)
+
+    def nearest_text(self, center: Array | None) -> str:
+        """Return how near the nearest locus is, as a clause to append to a reason, or "" if it is not known."""
+        nearest = None if center is None else self.nearest(center)
+        return "" if nearest is None else f"; {nearest.distance:.3g} m from {nearest.name}"
