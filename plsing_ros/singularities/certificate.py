@@ -1,8 +1,9 @@
 """Proofs that a found point or transversal is near a true one: Krawczyk's test in interval arithmetic.
 
-The lines are taken as the exact real lines with direction u and through the point u x l / |u|^2, for the doubles u, l
-of the LineSet. Every operation from there on is done with intervals that enclose the exact result. If Krawczyk's
-operator maps a box into its own interior, the box contains exactly one solution of the equations.
+The lines are taken as the rational ones they are the rounding of, if there are such, else as the exact real lines with
+direction u and through the point u x l / |u|^2, for the doubles u, l of the LineSet. Every operation from there on is
+done with intervals that enclose the exact result. If Krawczyk's operator maps a box into its own interior, the box
+contains exactly one solution of the equations.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet
 from plsing_ros.singularities.kernel_pencil import bilinear_tensor
+from plsing_ros.singularities.rational_lines import RationalLines
 from plsing_ros.singularities.scene_frame import SceneFrame
 
 # Radii of the boxes tried, relative to the unknowns' order of one.
@@ -27,22 +29,27 @@ class Certificate:
     """The outcome of one proof.
 
     Attributes:
-        name: What it is about: "transversal 1", "isolated point 1", or a pair of rows of isolated_points_complex.
-        proved: Whether a true singular point or transversal of the four lines lies within radius.
-        radius: [m] for points, of the unit Plücker vector in scene coordinates for transversals; infinite if not
-            proved. For a real point it also proves that the true one is real.
-        lines: Ids of the four lines the proof is about. In a scene of more lines it says nothing of the others: that
-            these agree is measured by the residual, and no interval test can prove it, because all lines together
-            give more equations than unknowns.
+        name: What it is about: "transversal 1", "isolated point 1", a pair of rows of isolated_points_complex, a
+            surface, or a whole: "what meets all lines", "all isolated points", "singular everywhere".
+        proved: Whether the statement is proved.
+        radius: How far the found is from the true at most: [m] for points, of the unit Plücker vector in scene
+            coordinates for transversals, relative to the largest coefficient for surfaces; infinite if not proved or
+            not computed. For a real point it also proves that the true one is real.
+        lines: Ids of the lines the proof is about. Interval arithmetic can only be about four: more give more
+            equations than unknowns, and no interval test can tell a zero of these from a near miss.
+        statement: What is proved, or why it is not.
     """
 
     name: str
     proved: bool
     radius: float
     lines: tuple[int, ...]
+    statement: str
 
 
-def certify_isolated_point(lines: LineSet, frame: SceneFrame, center: npt.NDArray[Any], name: str) -> Certificate:
+def certify_isolated_point(
+    lines: LineSet, frame: SceneFrame, center: npt.NDArray[Any], name: str, exact: RationalLines | None = None
+) -> Certificate:
     """Prove that four lines have an isolated singular centre near a given one.
 
     Args:
@@ -50,23 +57,26 @@ def certify_isolated_point(lines: LineSet, frame: SceneFrame, center: npt.NDArra
         frame: Their scene frame; any will do, it only conditions the computation.
         center: Real or complex, in the frame of the lines, shape (3,) [m].
         name: For the result.
+        exact: The rational lines to prove it for, if not for the doubles.
     """
     scene = np.asarray((center - frame.center) / frame.length)
     real = bool(np.all(np.imag(scene) == 0.0))
     scene = scene.real if real else scene
     tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis])[0]
     k = np.linalg.svd(np.tensordot(np.array([1.0, *scene]), tensor, axes=1))[2][-1].conj()
-    exact = _interval_tensor(lines, frame)
+    enclosed = _interval_lines(lines, frame, exact)
     unknown = np.concatenate([scene, k])
-    system = _PointEquations(exact, unknown)
+    system = _PointEquations(_interval_tensor(enclosed), unknown)
     radius = _krawczyk(system, unknown if real else np.concatenate([unknown.real, unknown.imag]), real)
     # The box bounds every coordinate, of the real and the imaginary part, around the centre as rounded into the scene.
     rounding = 8.0 * np.finfo(float).eps * float(np.abs(center).max() + np.abs(frame.center).max())
     length = frame.length * (3.0 if real else 6.0) ** 0.5
-    return Certificate(name, bool(np.isfinite(radius)), 1.001 * radius * length + rounding, lines.ids)
+    return _enclosed(name, radius, 1.001 * radius * length + rounding, lines.ids)
 
 
-def certify_transversal(lines: LineSet, frame: SceneFrame, point: Array, direction: Array, name: str) -> Certificate:
+def certify_transversal(
+    lines: LineSet, frame: SceneFrame, point: Array, direction: Array, name: str, exact: RationalLines | None = None
+) -> Certificate:
     """Prove that four lines have a transversal near a given one.
 
     Args:
@@ -75,39 +85,52 @@ def certify_transversal(lines: LineSet, frame: SceneFrame, point: Array, directi
         point: A point of the transversal, in the frame of the lines, shape (3,) [m].
         direction: Its unit direction, shape (3,).
         name: For the result.
+        exact: The rational lines to prove it for, if not for the doubles.
     """
     foot = frame.to_scene(point)
     line = np.concatenate([direction, np.cross(foot, direction)])
     line /= np.linalg.norm(line)
-    radius = _krawczyk(_LineEquations(_interval_lines(lines, frame), line), line, True)
-    return Certificate(name, bool(np.isfinite(radius)), 1.001 * radius * 6.0**0.5, lines.ids)
+    radius = _krawczyk(_LineEquations(_interval_lines(lines, frame, exact), line), line, True)
+    return _enclosed(name, radius, 1.001 * radius * 6.0**0.5, lines.ids)
 
 
-def _interval_lines(lines: LineSet, frame: SceneFrame) -> list[tuple[list[Any], list[Any]]]:
-    """Return enclosures of direction and point of each line in scene coordinates."""
+def _enclosed(name: str, box: float, radius: float, ids: tuple[int, ...]) -> Certificate:
+    if np.isfinite(box):
+        return Certificate(name, True, radius, ids, "Interval arithmetic: exactly one is in the box of this radius.")
+    return Certificate(name, False, radius, ids, "Not proved: Krawczyk's test fails, as it does at multiple solutions.")
+
+
+def _interval_lines(
+    lines: LineSet, frame: SceneFrame, exact: RationalLines | None
+) -> list[tuple[list[Any], list[Any]]]:
+    """Return enclosures of direction, of any length, and point of each line in scene coordinates."""
     from mpmath import iv
 
-    enclosed = []
-    for u_row, l_row in zip(lines.direction.tolist(), lines.moment.tolist(), strict=True):
-        u, moment = [iv.mpf(x) for x in u_row], [iv.mpf(x) for x in l_row]
-        square = u[0] ** 2 + u[1] ** 2 + u[2] ** 2
-        foot = [component / square for component in _cross(u, moment)]
-        center, length = frame.center.tolist(), iv.mpf(frame.length)
-        enclosed.append((u, [(x - iv.mpf(c)) / length for x, c in zip(foot, center, strict=True)]))
-    return enclosed
+    center, length = [iv.mpf(c) for c in frame.center.tolist()], iv.mpf(frame.length)
+    if exact is None:
+        given = []
+        for u_row, l_row in zip(lines.direction.tolist(), lines.moment.tolist(), strict=True):
+            u, moment = [iv.mpf(x) for x in u_row], [iv.mpf(x) for x in l_row]
+            square = u[0] ** 2 + u[1] ** 2 + u[2] ** 2
+            given.append((u, [component / square for component in _cross(u, moment)]))
+    else:
+        given = [
+            ([iv.mpf(x) for x in u], [iv.mpf(x.numerator) / iv.mpf(x.denominator) for x in point])
+            for u, point in zip(exact.directions, exact.points, strict=True)
+        ]
+    return [(u, [(x - c) / length for x, c in zip(foot, center, strict=True)]) for u, foot in given]
 
 
-def _interval_tensor(lines: LineSet, frame: SceneFrame) -> list[list[list[Any]]]:
+def _interval_tensor(enclosed: list[tuple[list[Any], list[Any]]]) -> list[list[list[Any]]]:
     """Return enclosures of the coefficients of kernel_pencil.bilinear_tensor, index order [h][row][column].
 
-    Written out anew rather than shared, so that the proof does not rest on the code it is to check. Directions need
-    not have unit length here.
+    Written out anew rather than shared, so that the proof does not rest on the code it is to check.
     """
     from mpmath import iv
 
     zero = iv.mpf(0)
-    tensor = [[[zero] * 6 for _ in range(2 * len(lines))] for _ in range(4)]
-    for i, (u, point) in enumerate(_interval_lines(lines, frame)):
+    tensor = [[[zero] * 6 for _ in range(2 * len(enclosed))] for _ in range(4)]
+    for i, (u, point) in enumerate(enclosed):
         for a in range(4):
             # M - C for the four unit vectors of (C_0, C), C_0 M - C.
             offset = point if a == 0 else [iv.mpf(-1) if b == a - 1 else zero for b in range(3)]

@@ -10,6 +10,7 @@ import numpy as np
 from plsing_ros.arrays import Array, BoolArray
 from plsing_ros.singularities.isolated_points import ComplexArray, TenPoints, solve_ten_points
 from plsing_ros.singularities.limits import Limits, limits_of_ten_points
+from plsing_ros.singularities.residual import NO_PLACES
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import TransversalAnalysis
@@ -42,6 +43,7 @@ class IsolatedPoints:
         center: Shape (k, 3), complex.
         real: Which are real, shape (k,).
         residual: Independent residuals, shape (k,).
+        place_residual: Those of other places, if they were asked for, shape (p,).
     """
 
     status: IsolatedStatus
@@ -49,6 +51,7 @@ class IsolatedPoints:
     center: ComplexArray
     real: BoolArray
     residual: Array
+    place_residual: Array | None = None
 
 
 def no_points(status: IsolatedStatus, note: str = "") -> IsolatedPoints:
@@ -57,7 +60,7 @@ def no_points(status: IsolatedStatus, note: str = "") -> IsolatedPoints:
 
 
 def isolated_points_of_four(
-    frame: SceneFrame, analysis: TransversalAnalysis, surfaces: tuple[Surface, ...]
+    frame: SceneFrame, analysis: TransversalAnalysis, surfaces: tuple[Surface, ...], places: Array = NO_PLACES
 ) -> IsolatedPoints:
     """Return the isolated points of four distinct lines that are not singular everywhere.
 
@@ -65,12 +68,14 @@ def isolated_points_of_four(
         frame: The scene.
         analysis: Its transversals.
         surfaces: The surfaces filled with transversals.
+        places: Other places at which the residual is asked for too, scene coordinates, shape (p, 3).
     """
-    ten = solve_ten_points(frame.direction[np.newaxis], frame.point[np.newaxis])
+    ten = solve_ten_points(frame.direction[np.newaxis], frame.point[np.newaxis], places)
+    also = ten.place_residual
     if is_generic(ten)[0]:
-        return IsolatedPoints(IsolatedStatus.FINITE, "", ten.center[0], ten.real[0], ten.residual[0])
+        return IsolatedPoints(IsolatedStatus.FINITE, "", ten.center[0], ten.real[0], ten.residual[0], also)
     limits = limits_of_ten_points(frame, analysis, surfaces)
-    return IsolatedPoints(_status(limits), _note(limits), limits.center, limits.real, limits.residual)
+    return IsolatedPoints(_status(limits), _note(limits), limits.center, limits.real, limits.residual, also)
 
 
 def is_generic(ten: TenPoints) -> BoolArray:

@@ -33,7 +33,8 @@ from plsing_ros.singularities.kernel_pencil import (
     motions_from_centers,
     newton,
 )
-from plsing_ros.singularities.residual import isolated_residuals
+from plsing_ros.singularities.residual import NO_PLACES, residuals_and_incidence
+from plsing_ros.singularities.small_matrices import eigenvectors_up, orthogonal_complements
 from plsing_ros.singularities.ternary_forms import basis_values, half_sphere_points, multiplication_maps
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -59,7 +60,6 @@ _INTERPOLATE = np.linalg.inv(basis_values(4, _SAMPLES))
 _MULTIPLY = multiplication_maps(4)
 _MULTIPLY_ALL = np.ascontiguousarray(_MULTIPLY.reshape(30, 15).T)
 _TINY = np.finfo(float).tiny
-_FIVE = np.arange(5)
 _TEN = np.arange(10)
 _IDENTITY = np.eye(3)
 # Row i of the line's coordinates belongs to column i of its own constraint.
@@ -113,6 +113,7 @@ class TenPoints:
         complete: Scenes with ten distinct finite points, all with residuals up to RESIDUAL_TOLERANCE, shape (S,).
         rank_margin: How far the scene is from one with fewer points or infinitely many, in [0, 1], shape (S,): the
             smallest relative gap in the two rank decisions of the elimination.
+        place_residual: Residuals of the places that were given, shape (p,).
     """
 
     center: ComplexArray
@@ -120,17 +121,20 @@ class TenPoints:
     residual: Array
     complete: BoolArray
     rank_margin: Array
+    place_residual: Array
 
 
-def solve_ten_points(direction: Array, point: Array) -> TenPoints:
+def solve_ten_points(direction: Array, point: Array, places: Array = NO_PLACES) -> TenPoints:
     """Return the ten isolated singularities of S scenes of four lines.
 
     Args:
         direction: Unit directions, shape (S, 4, 3).
         point: The point of each line closest to the scene's centre, scene coordinates, shape (S, 4, 3).
+        places: Other places at which the residual is asked for, if there is one scene, shape (p, 3). All residuals
+            of a scene in one go take half as long as in two.
     """
     functionals, margin = _unknown_functionals(direction, point)
-    found = _from_functionals(functionals, margin, direction, point, _TRY_FORMS[0])
+    found = _from_functionals(functionals, margin, direction, point, _TRY_FORMS[0], places)
     for forms in _TRY_FORMS[1:]:
         if found.complete.all():
             break
@@ -150,10 +154,9 @@ def _unknown_functionals(direction: Array, point: Array) -> tuple[Array, Array]:
     outer = columns[:, :, ::2, :, np.newaxis] * columns[:, :, 1::2, np.newaxis, :]
     pairs = outer.reshape(scenes, 15, 2, 25) @ _WEDGE
     minors = (pairs[:, :, 0, :, np.newaxis] * pairs[:, :, 1, np.newaxis, :]).reshape(scenes, 15, 100) @ _LAPLACE
-    orthogonal, triangular = np.linalg.qr(_INTERPOLATE @ minors, mode="complete")
-    size = np.abs(triangular[:, _FIVE, _FIVE])
+    functionals, size = orthogonal_complements(_INTERPOLATE @ minors)
     # 0 / tiny = 0 for a matrix of zeros.
-    return orthogonal[:, :, 5:], size.min(axis=1) / np.maximum(size.max(axis=1), _TINY)
+    return functionals, size.min(axis=1) / np.maximum(size.max(axis=1), _TINY)
 
 
 def force_matrix(direction: Array, point: Array) -> Array:
@@ -163,59 +166,67 @@ def force_matrix(direction: Array, point: Array) -> Array:
     constraints[:, :, :, :4] = direction[..., np.newaxis] * _OWN_COLUMN
     constraints[:, :, :, 4:7] = _IDENTITY
     constraints[:, :, :, 7] = point
-    forces = np.linalg.qr(constraints.reshape(scenes, 12, 8), mode="complete")[0][:, :, 8:].swapaxes(1, 2)
-    forces = forces.reshape(scenes, 4, 4, 3)
+    forces = orthogonal_complements(constraints.reshape(scenes, 12, 8))[0].swapaxes(1, 2).reshape(scenes, 4, 4, 3)
     equations = np.empty((scenes, 5, 4, 3))
     equations[:, :4] = cross(direction[:, np.newaxis], forces).swapaxes(1, 2)
-    equations[:, 4] = (forces * cross(direction, point)[:, np.newaxis]).sum(axis=3) @ direction
+    equations[:, 4] = np.einsum("sfni,sni->sfn", forces, cross(direction, point)) @ direction
     return equations
 
 
-def _from_functionals(functionals: Array, margin: Array, direction: Array, point: Array, forms: Array) -> TenPoints:
+def _from_functionals(
+    functionals: Array, margin: Array, direction: Array, point: Array, forms: Array, places: Array = NO_PLACES
+) -> TenPoints:
     """Solve the eigenproblems for one pair of linear forms and turn axis directions into camera centres."""
     numerator, denominator = forms[:, np.newaxis] @ functionals
-    try:
-        multiplication = np.linalg.solve(denominator, numerator)
-    except np.linalg.LinAlgError:
-        # Exactly singular in at least one scene; a perturbation of rounding size makes it solvable, and a wrong
-        # result is caught by the residuals below.
-        multiplication = np.linalg.solve(denominator + 1e-15 * np.eye(10), numerator)
-    eigenvalues, vectors = np.linalg.eig(multiplication)
-    # Conjugate pairs come next to each other, the upper one first; the lower one is left out.
-    kept = eigenvalues.imag >= 0.0
-    scene, slot = kept.nonzero()
-    quartics = (functionals @ vectors).swapaxes(1, 2)[scene, slot]
+    # A wrong result is caught by the residuals below.
+    kept, vectors = eigenvectors_up(denominator, numerator)
+    scenes = len(functionals)
+    scene = kept.nonzero()[0]
+    if scenes == 1:
+        quartics = vectors @ functionals[0].T
+    else:
+        quartics = (functionals[scene] @ vectors[:, :, np.newaxis])[:, :, 0]
+        # The lines of the scene of each point.
+        direction, point = direction[scene], point[scene]
     # w times each cubic basis value: w itself, up to scale, where that value is largest.
     products = (quartics @ _MULTIPLY_ALL).reshape(-1, 3, 10)
-    size = (products.real**2 + products.imag**2).sum(axis=1)
-    w = products[np.arange(len(slot)), :, size.argmax(axis=1)].astype(complex)
-    # The lines of the scene of each point.
-    direction, point = direction[scene], point[scene]
+    largest = np.abs(products).max(axis=1).argmax(axis=1)
+    w = products[np.arange(len(scene)), :, largest].astype(complex)
     h = centers_from_axis_directions(direction, point, w)
-    center, residual = _centers(h, direction, point)
+    center, residual, place_residual = _centers(h, direction, point, places)
     (rough,) = (residual > _POLISHED).nonzero()
     if len(rough):
-        tensor = bilinear_tensor(direction[rough], point[rough])
+        own = np.zeros_like(rough) if scenes == 1 else rough
+        direction, point = direction[own], point[own]
+        tensor = bilinear_tensor(direction, point)
         motion = motions_from_centers(tensor, h[rough], w[rough])
         h[rough] = newton(tensor, np.arange(len(rough)), h[rough], motion)[0]
-        center[rough], residual[rough] = _centers(h[rough], direction[rough], point[rough])
-    return _with_conjugates(h, center, residual, kept, margin)
+        center[rough], residual[rough], _ = _centers(h[rough], direction, point, NO_PLACES)
+    return _with_conjugates(h, center, residual, kept, margin, place_residual)
 
 
-def _centers(h: npt.NDArray[Any], direction: Array, point: Array) -> tuple[npt.NDArray[Any], Array]:
-    """Return camera centres of homogeneous ones, NaN at infinity, and their independent residuals."""
+def _centers(
+    h: npt.NDArray[Any], direction: Array, point: Array, places: Array
+) -> tuple[npt.NDArray[Any], Array, Array]:
+    """Return camera centres of homogeneous ones, NaN at infinity, and the independent residuals there and at places."""
+    count = len(h)
     scale = h[:, :1]
     infinite = np.abs(h[:, 0]) <= _AT_INFINITY
-    if infinite.any():
+    any_infinite = infinite.any()
+    if any_infinite:
         scale = np.where(infinite[:, np.newaxis], 1.0, scale)
     center = h[:, 1:] / scale
-    residual = isolated_residuals(point, direction, center)
-    center[infinite], residual[infinite] = np.nan, 1.0
-    return center, residual
+    checked = np.concatenate([center, places]) if len(places) else center
+    residual, on_line = residuals_and_incidence(point, direction, checked)
+    # A centre on an observed line is a singularity of another kind.
+    residual[:count][on_line[:count]] = 1.0
+    if any_infinite:
+        center[infinite], residual[:count][infinite] = np.nan, 1.0
+    return center, residual[:count], residual[count:]
 
 
 def _with_conjugates(
-    h: npt.NDArray[Any], center: npt.NDArray[Any], residual: Array, kept: BoolArray, margin: Array
+    h: npt.NDArray[Any], center: npt.NDArray[Any], residual: Array, kept: BoolArray, margin: Array, places: Array
 ) -> TenPoints:
     """Fill in the conjugates that were left out, and judge the ten of each scene as a whole."""
     scenes = len(margin)
@@ -230,4 +241,4 @@ def _with_conjugates(
     overlap = np.abs(h @ h.conj().swapaxes(1, 2))
     overlap[:, _TEN, _TEN] = 0.0
     distinct = overlap.max(axis=(1, 2)) < 1.0 - 0.5 * _SEPARATION**2
-    return TenPoints(center, real, residual, distinct & (residual <= RESIDUAL_TOLERANCE).all(axis=1), margin)
+    return TenPoints(center, real, residual, distinct & (residual <= RESIDUAL_TOLERANCE).all(axis=1), margin, places)

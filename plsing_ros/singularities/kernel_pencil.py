@@ -32,26 +32,26 @@ _LONGEST_STEP = 3.0
 _TINY = np.finfo(float).tiny
 
 
-def minus_skew(vectors: Array) -> Array:
+def minus_skew(vectors: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the matrices of b -> b x a for vectors a of any leading shape, (..., 3, 3)."""
-    matrices: Array = (vectors @ _MINUS_SKEW).reshape(*vectors.shape, 3)
+    matrices: npt.NDArray[Any] = (vectors @ _MINUS_SKEW).reshape(*vectors.shape, 3)
     return matrices
 
 
-def bilinear_tensor(direction: Array, point: Array) -> Array:
+def bilinear_tensor(direction: npt.NDArray[Any], point: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return A, shape (S, 4, 2n, 6): A(h) = sum h_a A[a] for h = (C_0, C), for S scenes of n lines.
 
     Args:
-        direction: Unit directions, shape (S, n, 3).
+        direction: Unit directions, shape (S, n, 3); complex ones with u . u = 1.
         point: A point on each line, scene coordinates, shape (S, n, 3); the one closest to the origin.
     """
     scenes, n = direction.shape[:2]
     # f = u x M C_0 - u x C, and the moment M x f; columns are the coefficients of h.
-    f = np.empty((scenes, n, 3, 4))
+    f = np.empty((scenes, n, 3, 4), dtype=direction.dtype)
     f[..., 0] = cross(direction, point)
     f[..., 1:] = minus_skew(direction)
     moment = minus_skew(point) @ -f
-    tensor = np.zeros((scenes, 4, 2 * n, 6))
+    tensor = np.zeros((scenes, 4, 2 * n, 6), dtype=direction.dtype)
     tensor[:, :, :n, :3] = f.transpose(0, 3, 1, 2)
     tensor[:, :, :n, 3:] = moment.transpose(0, 3, 1, 2)
     # m = P C - M C_0, with P the projection across u.
@@ -65,15 +65,15 @@ def centers_from_axis_directions(direction: Array, point: Array, w: npt.NDArray[
     """Return the homogeneous centres (k, 4), unit length, with P_i w . (M_i - C) = 0 for axis directions w (k, 3).
 
     Args:
-        direction: Unit directions of the four lines of the scene of each w, shape (k, 4, 3).
-        point: Their points closest to the origin, shape (k, 4, 3).
+        direction: Unit directions of the four lines of the scene of each w, shape (k, 4, 3); (1, 4, 3) for one scene.
+        point: Their points closest to the origin, of the same shape.
         w: Axis directions for which the four equations have a solution.
     """
     across = w[:, np.newaxis, :] - (direction @ w[:, :, np.newaxis]) * direction
     # A matrix that is singular at the right w. Adding a generic matrix of rank one makes it regular and keeps its null
     # vector as the solution.
     rows = np.empty((len(w), 4, 4), dtype=w.dtype)
-    rows[:, :, 0] = -(across * point).sum(axis=2)
+    rows[:, :, 0] = -np.einsum("kni,kni->kn", across, point)
     rows[:, :, 1:] = across
     rows += _RANK_ONE
     return _unit(_solve(rows, _ANY[:1, :, np.newaxis])[..., 0])
@@ -95,7 +95,11 @@ def motions_from_centers(tensor: Array, h: npt.NDArray[Any], w: npt.NDArray[Any]
 
 
 def newton(
-    tensor: Array, scene: npt.NDArray[np.intp], h: npt.NDArray[Any], k: npt.NDArray[Any]
+    tensor: npt.NDArray[Any],
+    scene: npt.NDArray[np.intp],
+    h: npt.NDArray[Any],
+    k: npt.NDArray[Any],
+    enough: float = 0.0,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     """Return zeros (h, k) of A(h) k = 0 near the given ones.
 
@@ -106,6 +110,7 @@ def newton(
         scene: The scene of each start, shape (k,).
         h: Homogeneous centres, shape (k, 4).
         k: Motions, shape (k, 6).
+        enough: |A(h) k| below which one more step is the last.
     """
     own = tensor[scene]
     step = np.full(len(h), np.inf)
@@ -125,6 +130,8 @@ def newton(
             length[wild] = np.inf
         h[active] = _unit(x - change[:, :4])
         k[active] = _unit(y - change[:, 4:])
+        if enough:
+            length[np.einsum("kij,kij->k", value, value.conj()).real <= enough * enough] = 0.0
         step[active] = length
         if step.max(initial=0.0) <= _SMALL_STEP:
             break
@@ -162,7 +169,7 @@ def _solve(matrix: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any
 
 
 def _unit(vectors: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    length = np.sqrt((vectors.real**2 + vectors.imag**2).sum(axis=1, keepdims=True))
+    length = np.sqrt(np.einsum("ki,ki->k", vectors, vectors.conj()).real)[:, np.newaxis]
     # A zero vector stays zero.
     unit: npt.NDArray[Any] = vectors / np.maximum(length, _TINY)
     return unit

@@ -22,16 +22,23 @@ from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import TransversalAnalysis
 
-# Size of the perturbation of directions and points, scene coordinates: from generic to numerically zero.
-_SIZES = 1e-2 * 0.5 ** np.arange(0, 24)
+# Size of the perturbation of directions and points, scene coordinates: from generic to numerically zero, on a spiral
+# in the complex plane. On a straight way real points would meet and become complex, where no path can be followed.
+_RATIO = 0.4 * np.exp(0.5j)
+_SIZES = 1e-2 * _RATIO ** np.arange(0, 19)
 _APPROACHES = 3
 _SPARE = 9
+# |A(h) k| of unit vectors up to which a path is followed, and
+_FOLLOWED = 1e-7
+# that above which a path was lost.
+_LOST = 1e-8
 
 # A path that comes this near to a line, a transversal, or infinity (inverse distance) has gone there.
 MERGED = 1e-6
-# ... or this near, if it is still getting nearer by _APPROACHING over the last _LOOK_BACK halvings of the perturbation.
+_MERGED_MULTIPLE = 1e-4
+# ... or this near, if it is still getting nearer by _APPROACHING over the last _LOOK_BACK steps of the perturbation.
 _NEAR = 1e-2
-_LOOK_BACK = 8
+_LOOK_BACK = 6
 _APPROACHING = 0.3
 
 # Inverse condition number of the equations' Jacobian above which a solution is isolated and simple.
@@ -92,20 +99,18 @@ def limits_of_ten_points(frame: SceneFrame, analysis: TransversalAnalysis, surfa
     regular &= moved < 1e-4
     h = np.where(regular[:, np.newaxis], polished, h)
     fate = _Fate(frame, analysis, surfaces)
-    infinite = fate.at_infinity(h, earlier)
+    infinite = fate.at_infinity(h, earlier, regular)
     on_line = ~infinite & fate.on_lines(h, earlier)
     on_transversal = ~infinite & ~on_line & fate.on_transversals(h, earlier)
-    open_ = ~(infinite | on_line | on_transversal)
+    open_: BoolArray = ~(infinite | on_line | on_transversal)
     center = np.full((len(h), 3), np.nan + 0j)
     center[open_] = h[open_, 1:] / h[open_, :1]
     approach = np.repeat(np.arange(_APPROACHES), 10)
     groups, alone = _group(center, regular, np.flatnonzero(open_), approach)
-    found = np.array([center[g].mean(axis=0) for g in groups]).reshape(-1, 3)
+    ends = [_end(frame, center[g], polished[g], bool(regular[g[0]])) for g in groups]
+    found = np.array(ends, dtype=complex).reshape(-1, 3)
+    real = ~found.imag.any(axis=1)
     residual = singularity_residuals(frame.point, frame.direction, found)
-    simple = np.array([regular[g[0]] for g in groups], dtype=bool)
-    size = 1.0 + np.abs(found).max(axis=1, initial=0.0)
-    real = np.abs(found.imag).max(axis=1, initial=0.0) <= np.where(simple, _REAL, _SAME_MULTIPLE) * size
-    found[real] = found[real].real
     good = np.flatnonzero(residual <= RESIDUAL_TOLERANCE)
     moving = [i for i in alone if _is_singular(frame, center[i])]
     # The counts of one approach, so that they add up to ten: of the one that saw most of the isolated points.
@@ -129,39 +134,73 @@ def limits_of_ten_points(frame: SceneFrame, analysis: TransversalAnalysis, surfa
     )
 
 
+def _end(frame: SceneFrame, center: ComplexArray, polished: npt.NDArray[Any], simple: bool) -> ComplexArray:
+    """Return the best of the limits in one group, without imaginary part if it is real, shape (3,)."""
+    # At a multiple point the mean of what came near from several sides, or Newton's slow convergence, is better than
+    # any single one.
+    candidates = center.mean(axis=0, keepdims=True)
+    if not simple:
+        candidates = np.concatenate([candidates, polished[:, 1:] / polished[:, :1]])
+    size = 1.0 + np.abs(candidates).max(axis=1)
+    real = np.abs(candidates.imag).max(axis=1) <= (_REAL if simple else _SAME_MULTIPLE) * size
+    candidates[real] = candidates[real].real
+    if len(candidates) == 1:
+        return np.asarray(candidates[0])
+    return np.asarray(candidates[singularity_residuals(frame.point, frame.direction, candidates).argmin()])
+
+
 def _is_singular(frame: SceneFrame, center: ComplexArray) -> bool:
     """Return whether a limit that is known to the last perturbation only is a singular centre of the scene itself."""
     residual = singularity_residuals(frame.point, frame.direction, center[np.newaxis])
-    return bool(residual[0] <= 1e3 * float(_SIZES[-1]))
+    return bool(residual[0] <= 1e3 * abs(_SIZES[-1]))
 
 
 def _follow(frame: SceneFrame) -> tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]:
-    """Return centres and motions of all approaches near the end of the path, and the centres some halvings before."""
+    """Return centres and motions of all approaches near the end of the path, and the centres some steps before."""
     rng = np.random.default_rng(20210517)
     turn, shift = rng.normal(size=(2, _SPARE, 4, 3))
+    start = solve_ten_points(*_neighbours(frame, turn, shift, float(_SIZES[0].real)))
+    order = np.argsort(~start.complete, kind="stable")
+    found: list[tuple[int, npt.NDArray[Any]]] = []
+    # Where Newton's method loses a path of one approach, a spare one takes its place.
+    while len(order) and (missing := _APPROACHES - sum(lost == 0 for lost, _ in found)) > 0:
+        which, order = order[:missing], order[missing:]
+        paths, value = _follow_some(frame, turn[which], shift[which], start.center[which])
+        lost = (value > _LOST).reshape(-1, 10).sum(axis=1)
+        found += [(int(lost[i]), paths[10 * i : 10 * i + 10]) for i in range(len(which))]
+    best = np.concatenate([paths for _, paths in sorted(found, key=lambda each: each[0])[:_APPROACHES]])
+    return best[:, :4], best[:, 4:10], best[:, 10:]
 
-    def scenes_at(size: float, which: npt.NDArray[np.intp]) -> tuple[Array, Array]:
-        direction = frame.direction + size * turn[which]
-        direction /= np.linalg.norm(direction, axis=2, keepdims=True)
-        point = frame.point + size * shift[which]
-        return direction, point - (point * direction).sum(axis=2, keepdims=True) * direction
 
-    every = np.arange(_SPARE)
-    start = solve_ten_points(*scenes_at(float(_SIZES[0]), every))
-    which = np.argsort(~start.complete, kind="stable")[:_APPROACHES]
-    direction, point = scenes_at(float(_SIZES[0]), which)
-    center = start.center[which].reshape(-1, 3)
-    h = np.concatenate([np.ones((len(center), 1)), np.nan_to_num(center)], axis=1)
+def _follow_some(frame: SceneFrame, turn: Array, shift: Array, center: ComplexArray) -> tuple[npt.NDArray[Any], Array]:
+    """Return rows (h, k, earlier h) of the ends of the ten paths of some approaches, and |A(h) k| there."""
+    count = len(turn)
+    scene = np.repeat(np.arange(count), 10)
+    flat = np.nan_to_num(center.reshape(-1, 3))
+    h = np.concatenate([np.ones((len(flat), 1)), flat], axis=1)
     h /= np.linalg.norm(h, axis=1, keepdims=True)
-    scene = np.repeat(np.arange(_APPROACHES), 10)
-    a = np.einsum("ka,kaij->kij", h, bilinear_tensor(direction, point)[scene])
-    k = np.linalg.svd(a)[2][:, -1].conj()
-    history = []
+    tensor = bilinear_tensor(*_neighbours(frame, turn, shift, float(_SIZES[0].real)))
+    k = np.linalg.svd(np.einsum("ka,kaij->kij", h, tensor[scene]))[2][:, -1].conj()
+    history = [(h, k)]
     for size in _SIZES[1:]:
-        tensor = bilinear_tensor(*scenes_at(float(size), which))
-        h, k = newton(tensor, scene, h, k)
-        history.append(h)
-    return h, k, history[-1 - _LOOK_BACK]
+        tensor = bilinear_tensor(*_neighbours(frame, turn, shift, size))
+        before = history[-2] if len(history) > 1 else (h, k)
+        # Along the chord of the last step, which the ratio of the sizes shortens.
+        h, k = newton(tensor, scene, h + _RATIO * (h - before[0]), k + _RATIO * (k - before[1]), _FOLLOWED)
+        history.append((h, k))
+    value = np.linalg.norm(np.einsum("ka,kaij,kj->ki", h, tensor[scene], k, optimize=True), axis=1)
+    return np.concatenate([h, k, history[-1 - _LOOK_BACK][0]], axis=1), value
+
+
+def _neighbours(
+    frame: SceneFrame, turn: Array, shift: Array, size: complex
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Return directions and closest points of scenes that differ from a scene by size times turn and shift."""
+    direction = frame.direction + size * turn
+    # Not the norm: without conjugation everything stays analytic in the size.
+    direction /= np.sqrt((direction * direction).sum(axis=2, keepdims=True))
+    point = frame.point + size * shift
+    return direction, point - (point * direction).sum(axis=2, keepdims=True) * direction
 
 
 class _Fate:
@@ -172,8 +211,10 @@ class _Fate:
         self._lines = analysis.lines
         self._surfaces = surfaces
 
-    def at_infinity(self, h: npt.NDArray[Any], earlier: npt.NDArray[Any]) -> BoolArray:
-        return _arrived(np.abs(h[:, 0]), np.abs(earlier[:, 0]))
+    def at_infinity(self, h: npt.NDArray[Any], earlier: npt.NDArray[Any], regular: BoolArray) -> BoolArray:
+        # Where several have the same limit, rounding keeps them farther from it.
+        blurred: BoolArray = ~regular & (np.abs(h[:, 0]) < _MERGED_MULTIPLE)
+        return np.logical_or(blurred, _arrived(np.abs(h[:, 0]), np.abs(earlier[:, 0])))
 
     def on_lines(self, h: npt.NDArray[Any], earlier: npt.NDArray[Any]) -> BoolArray:
         return _arrived(self._to_lines(h), self._to_lines(earlier))

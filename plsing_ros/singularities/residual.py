@@ -13,6 +13,9 @@ from plsing_ros.arrays import Array, BoolArray, cross
 _ON_LINE = 1e-12
 _TINY = np.finfo(float).tiny
 
+# No camera centres at all.
+NO_PLACES = np.zeros((0, 3))
+
 
 def singularity_residuals(point: Array, direction: Array, centers: npt.NDArray[Any]) -> Array:
     """Return the smallest over the largest singular value of the row-normalised xi at camera centres.
@@ -34,15 +37,13 @@ def singularity_residuals(point: Array, direction: Array, centers: npt.NDArray[A
     return _ratios(normalized_rank_basis(point, direction, centers))
 
 
-def isolated_residuals(point: Array, direction: Array, centers: npt.NDArray[Any]) -> Array:
-    """Return singularity_residuals of centres (k, 3), each with lines (k, n, 3) of its own, shape (k,).
+def residuals_and_incidence(point: Array, direction: Array, centers: npt.NDArray[Any]) -> tuple[Array, BoolArray]:
+    """Return singularity_residuals of centres (k, 3), and which of them are on an observed line, each of shape (k,).
 
-    1 for a centre on an observed line, which is a singularity of another kind than these are asked for.
+    Lines (k, n, 3) if each centre has its own, else (1, n, 3).
     """
     xi, on_line = _rows(point, direction, centers)
-    residual = _ratios(xi)
-    residual[on_line.any(axis=1)] = 1.0
-    return residual
+    return _ratios(xi), np.logical_or.reduce(on_line, axis=1)
 
 
 def normalized_rank_basis(point: Array, direction: Array, centers: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -63,21 +64,31 @@ def _rows(point: Array, direction: Array, centers: npt.NDArray[Any]) -> tuple[np
     """Return normalized_rank_basis, and which lines each centre is on, shape (k, n)."""
     n = point.shape[-2]
     f = cross(direction, point - centers[:, np.newaxis, :])
-    dot = (f * f).sum(axis=2)
-    square = (f.real**2 + f.imag**2).sum(axis=2) if np.iscomplexobj(f) else dot
-    unit_square = square.sum(axis=1, keepdims=True) / n
-    # |u x f| = |f|, since f is across u; so both lengths are known before the rows are.
-    first = np.sqrt(square * unit_square + dot.real**2 + dot.imag**2)
-    second = np.sqrt(square)
-    on_line = square <= _ON_LINE**2 * unit_square
+    dot = np.einsum("kni,kni->kn", f, f)
+    size = _squares(f) if np.iscomplexobj(f) else dot
+    unit_square = size.sum(axis=1, keepdims=True) / n
+    on_line = size <= _ON_LINE**2 * unit_square
+    length: Array = np.empty((len(centers), 2 * n))
+    # |u x f| = |f|, since f is across u; so the lengths of both kinds of rows are known before the rows are.
+    length[:, :n] = size * unit_square + np.abs(dot) ** 2
+    length[:, n:] = size
     if on_line.any():
         f, dot = np.where(on_line[:, :, np.newaxis], 0.0, f), np.where(on_line, 0.0, dot)
-        first[on_line] = second[on_line] = 1.0
+        length[np.concatenate([on_line, on_line], axis=1)] = 1.0
+    length = np.sqrt(length)
     xi = np.zeros((len(centers), 2 * n, 6), dtype=f.dtype)
-    xi[:, :n, :3] = f * (np.sqrt(unit_square) / first)[:, :, np.newaxis]
-    xi[:, :n, 3:] = direction * (dot / first)[:, :, np.newaxis]
-    xi[:, n:, 3:] = cross(direction, f / second[:, :, np.newaxis])
+    xi[:, :n, :3] = f * np.sqrt(unit_square)[:, :, np.newaxis]
+    xi[:, :n, 3:] = direction * dot[:, :, np.newaxis]
+    xi[:, n:, 3:] = cross(direction, f)
+    xi /= length[:, :, np.newaxis]
     return xi, on_line
+
+
+def _squares(vectors: npt.NDArray[Any]) -> Array:
+    """Return the squared absolute values of contiguous complex vectors, summed along the last axis."""
+    parts = vectors.view(np.float64)
+    squares: Array = np.einsum("...i,...i", parts, parts)
+    return squares
 
 
 def _ratios(xi: npt.NDArray[Any]) -> Array:

@@ -93,10 +93,11 @@ def scene_coordinates(direction: Array, foot: Array) -> tuple[Array, Array, Arra
         foot: A point on each line, shape (S, n, 3) [m].
     """
     n = direction.shape[1]
-    across = _IDENTITY - direction[..., np.newaxis] * direction[..., np.newaxis, :]
     mean = foot.sum(axis=1, keepdims=True) / n
-    offset = across @ (foot - mean)[..., np.newaxis]
-    total, target = across.sum(axis=1), offset.sum(axis=1)
+    offset = _across(foot - mean, direction)
+    # The sum of the projections across the lines.
+    total = n * _IDENTITY - direction.swapaxes(1, 2) @ direction
+    target = offset.sum(axis=1)[:, :, np.newaxis]
     # (Nearly) parallel lines leave the centre free along them; the pseudo-inverse keeps it next to the mean.
     flat = np.abs(np.linalg.det(total)) < 1e-9
     if flat.any():
@@ -105,15 +106,23 @@ def scene_coordinates(direction: Array, foot: Array) -> tuple[Array, Array, Arra
         to_center = total @ target
     else:
         to_center = np.linalg.solve(total, target)
-    # Relative to the mean, so that a scene far from the origin loses no digits here.
-    relative = (offset - across @ to_center[:, np.newaxis])[..., 0]
-    # Removes what rounding left of the component along the line.
-    relative -= (relative * direction).sum(axis=2, keepdims=True) * direction
-    center = mean[:, 0] + to_center[..., 0]
-    length = np.sqrt((relative * relative).sum(axis=2)).sum(axis=1) / n
-    smallest = CONCURRENCY_TOLERANCE * np.sqrt((center * center).sum(axis=1))
+    to_center = to_center.swapaxes(1, 2)
+    # Relative to the mean, so that a scene far from the origin loses no digits here; twice, because the first leaves
+    # rounding along the line.
+    relative = _across(_across(offset - to_center, direction), direction)
+    center = (mean + to_center)[:, 0]
+    length = np.sqrt(np.einsum("sni,sni->sn", relative, relative)).sum(axis=1) / n
+    smallest = CONCURRENCY_TOLERANCE * np.sqrt(np.einsum("si,si->s", center, center))
     concurrent = length <= np.maximum(smallest, _SMALLEST_LENGTH)
-    length[concurrent] = 1.0
+    if concurrent.any():
+        length[concurrent] = 1.0
     relative /= length[:, np.newaxis, np.newaxis]
-    length[concurrent] = 0.0
+    if concurrent.any():
+        length[concurrent] = 0.0
     return center, length, relative
+
+
+def _across(vectors: Array, direction: Array) -> Array:
+    """Return the components across unit directions, all of shape (S, n, 3)."""
+    across: Array = vectors - np.einsum("sni,sni->sn", vectors, direction)[..., np.newaxis] * direction
+    return across

@@ -13,11 +13,14 @@ from plsing_ros.arrays import Array, checked_array
 from plsing_ros.geometry import LineSet
 from plsing_ros.singularities.cases import Case, classify
 from plsing_ros.singularities.certificate import Certificate, certify_isolated_point, certify_transversal
+from plsing_ros.singularities.exact_certificate import everywhere_certificate, exact_certificates
 from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, isolated_points_of_four, no_points
 from plsing_ros.singularities.isolated_points import ComplexArray
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LineAndPointTable, LocusDistance
 from plsing_ros.singularities.lost_motion import LostMotion, lost_motions
 from plsing_ros.singularities.many_lines import best_subsets, isolated_points_of_many
+from plsing_ros.singularities.rational_lines import RationalLines, rational_lines
+from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.surfaces import Surface, three_line_cubic, transversal_surfaces
@@ -27,26 +30,25 @@ from plsing_ros.singularities.transversals import (
     TransversalAnalysis,
     TransversalFamily,
     analyze_transversals,
+    finite_transversals,
     named_transversals,
     nearest_transversal,
     order_of_loci,
+    places_along,
 )
 
 # Four-line subsets of more lines that are tried for a proof; a point can be a singular solution for some of them.
 _CERTIFIED_SUBSETS = 3
 _NO_PROOFS = "No proofs were asked for."
-_NOT_CERTIFIED = (
-    "Nothing was certified: the singular set of fewer than four different lines consists of surfaces, given by their "
-    "polynomials, and that a scene is singular everywhere is decided at the tolerance in docs/theory.md."
+_INTERVALS = (
+    "The lines are taken as exactly the given doubles. Each certificate that is proved encloses one true transversal "
+    "or isolated point of the four lines it names. That other lines agree, that there are no other points, and "
+    "surfaces are not proved: for this the lines must have small rational coordinates."
 )
-_OF_FOUR = (
-    "Each certificate that is proved encloses one true transversal or isolated point of the four lines; that there are "
-    "no others is not proved."
-)
-_OF_MANY = (
-    "Each certificate that is proved encloses one true transversal or isolated point of the four lines it names. That "
-    "the other lines agree is measured by the residual and not proved: all lines together give more equations than "
-    "unknowns."
+_EXACT = (
+    "The given doubles are lines with small rational coordinates, rounded; all proofs are about these rational lines. "
+    "Those in interval arithmetic enclose one true transversal or isolated point of the four lines they name, the "
+    "others are exact and about all lines."
 )
 
 
@@ -67,7 +69,8 @@ class SingularSet:
         isolated_complex_residuals: Independent residual of each of those, shape (m,).
         surfaces: Planes, quadrics and cubics that are singular as a whole.
         singular_everywhere: Whether every camera centre is singular.
-        description: What was found, in words.
+        note: What became of the isolated points of a general scene, or why every centre is singular; empty if there is
+            nothing to add.
         frame: The scene coordinates everything was computed in.
         certificates: Proofs, if they were asked for, one for each transversal, real point and conjugate pair.
         certification: What certificates prove and what they do not, as a sentence.
@@ -85,10 +88,23 @@ class SingularSet:
     isolated_complex_residuals: Array
     surfaces: tuple[Surface, ...]
     singular_everywhere: bool
-    description: str
+    note: str
     frame: SceneFrame
     certificates: tuple[Certificate, ...] = ()
     certification: str = _NO_PROOFS
+
+    @cached_property
+    def description(self) -> str:
+        """What was found, in words."""
+        if self.singular_everywhere:
+            return f"{self.case} Here {self.note}."
+        parts = [str(self.case), f"Found: {self.family};"]
+        if self.surfaces:
+            parts.append(f"surfaces: {', '.join(surface.name for surface in self.surfaces)};")
+        if self.isolated_status is not IsolatedStatus.SURFACES:
+            count = f"{len(self.isolated_points)} real of {len(self.isolated_points_complex)} isolated points"
+            parts.append(f"{count} ({self.isolated_status}).")
+        return " ".join([*parts, self.note]).rstrip(" ;")
 
     @cached_property
     def locus_names(self) -> tuple[str, ...]:
@@ -167,10 +183,11 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
 
     Args:
         lines: n >= 1 lines in any frame that is fixed to them.
-        certify: Also prove, in interval arithmetic, that a true transversal or isolated point is near each one found.
-            For more than four distinct lines the proof is about four of them (Certificate.lines), since all of them
-            give more equations than unknowns; fewer have surfaces only. SingularSet.certification says which it is.
-            Takes about a second for four lines and needs mpmath.
+        certify: Also prove, in interval arithmetic, that a true transversal or isolated point is near each one found;
+            for more than four distinct lines, of four of them (Certificate.lines). If all coordinates are rational
+            with small numbers (rational_lines), prove in exact arithmetic too what meets all lines, that there are no
+            other isolated points, and the polynomials of surfaces. Takes about a second for four lines, a few for
+            integers of four digits or many lines; needs mpmath and sympy.
 
     Source: sections "Singularities in P4L" and "P5L"; the isolated points are new (docs/theory.md).
     """
@@ -184,12 +201,14 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
             Case.SINGULAR_EVERYWHERE,
             TransversalAnalysis(TransversalFamily.EVERYWHERE, 0, None, np.zeros((0, 6)), np.zeros((0, 4))),
             (),
-            no_points(IsolatedStatus.EVERYWHERE),
-            reason,
+            (),
+            no_points(IsolatedStatus.EVERYWHERE, reason),
         )
-        return replace(everywhere, certification=_NOT_CERTIFIED) if certify else everywhere
+        return _certified(everywhere, lines.select(rows)) if certify else everywhere
     reduced = frame if len(rows) == len(lines) else SceneFrame.of(lines.select(rows))
     analysis = analyze_transversals(reduced)
+    foot, direction = finite_transversals(analysis)
+    places = places_along(foot, direction)
     surfaces = transversal_surfaces(reduced, analysis)
     case = classify(reduced, analysis.family)
     if len(rows) == 3:
@@ -197,22 +216,44 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
         surfaces += (cubic,) if cubic is not None else ()
         isolated = no_points(IsolatedStatus.SURFACES)
     elif len(rows) == 4:
-        isolated = isolated_points_of_four(reduced, analysis, surfaces)
+        isolated = isolated_points_of_four(reduced, analysis, surfaces, places)
     else:
         isolated = isolated_points_of_many(reduced, analysis)
-    found = _assembled(lines, reduced, case, analysis, surfaces, isolated)
+    residual = isolated.place_residual
+    if residual is None:
+        residual = singularity_residuals(reduced.point, reduced.direction, places)
+    transversals = named_transversals(reduced, foot, direction, residual)
+    found = _assembled(lines, reduced, case, analysis, transversals, surfaces, isolated)
     return _certified(found, lines.select(rows)) if certify else found
 
 
 def _certified(found: SingularSet, distinct: LineSet) -> SingularSet:
-    """Return a singular set with certificates for its transversals, real points and pairs of complex points."""
+    """Return a singular set with certificates for what is in it."""
+    exact = rational_lines(distinct)
+    certification = _INTERVALS if exact is None else _EXACT
+    if found.singular_everywhere:
+        proofs = [] if exact is None else [everywhere_certificate(exact, distinct.ids)]
+        return replace(found, certificates=tuple(proofs), certification=certification)
+    enclosures = _enclosures(found, distinct, exact)
+    proofs = list(enclosures)
+    if exact is not None:
+        of_points = enclosures[len(found.transversals) :]
+        proofs += exact_certificates(found, exact, distinct.ids, of_points)
+    return replace(found, certificates=tuple(proofs), certification=certification)
+
+
+def _enclosures(found: SingularSet, distinct: LineSet, exact: RationalLines | None) -> list[Certificate]:
+    """Return proofs in interval arithmetic for the transversals, real points and pairs of complex points."""
     n = len(distinct)
     if n < 4:
-        return replace(found, certification=_NOT_CERTIFIED)
+        return []
     subsets = best_subsets(found.frame)[:_CERTIFIED_SUBSETS] if n > 4 else np.arange(4)[np.newaxis]
-    fours = [(four, SceneFrame.of(four)) for four in (distinct.select(rows) for rows in subsets)]
+    fours = []
+    for rows in subsets:
+        four = distinct.select(rows)
+        fours.append((four, SceneFrame.of(four), None if exact is None else exact.select(rows.tolist())))
     proofs = [
-        _first_proved(certify_transversal(*four, t.point, t.direction, t.name) for four in fours)
+        _first_proved(certify_transversal(four, frame, t.point, t.direction, t.name, own) for four, frame, own in fours)
         for t in found.transversals
     ]
     for i in range(len(found.isolated_points_complex)):
@@ -223,8 +264,10 @@ def _certified(found: SingularSet, distinct: LineSet) -> SingularSet:
             name = f"complex point {i + 1} and its conjugate"
         else:
             continue
-        proofs.append(_first_proved(certify_isolated_point(*four, center, name) for four in fours))
-    return replace(found, certificates=tuple(proofs), certification=_OF_FOUR if n == 4 else _OF_MANY)
+        proofs.append(
+            _first_proved(certify_isolated_point(four, frame, center, name, own) for four, frame, own in fours)
+        )
+    return proofs
 
 
 def _first_proved(attempts: Iterable[Certificate]) -> Certificate:
@@ -240,9 +283,9 @@ def _assembled(
     frame: SceneFrame,
     case: Case,
     analysis: TransversalAnalysis,
+    transversals: tuple[Transversal, ...],
     surfaces: tuple[Surface, ...],
     isolated: IsolatedPoints,
-    reason: str = "",
 ) -> SingularSet:
     """Name and order everything that was found, and turn scene coordinates into those of the lines."""
     rows = np.flatnonzero(isolated.real)
@@ -255,7 +298,7 @@ def _assembled(
         case=case,
         family=analysis.family,
         discriminant=analysis.discriminant,
-        transversals=named_transversals(analysis, frame),
+        transversals=transversals,
         isolated_status=isolated.status,
         isolated_points=points[: len(real)].real.copy(),
         isolated_point_residuals=residuals[: len(real)],
@@ -263,25 +306,6 @@ def _assembled(
         isolated_complex_residuals=residuals,
         surfaces=surfaces,
         singular_everywhere=case is Case.SINGULAR_EVERYWHERE,
-        description=_description(case, analysis, surfaces, isolated, len(real), reason),
+        note=isolated.note,
         frame=frame,
     )
-
-
-def _description(
-    case: Case,
-    analysis: TransversalAnalysis,
-    surfaces: tuple[Surface, ...],
-    isolated: IsolatedPoints,
-    real: int,
-    reason: str,
-) -> str:
-    """Return what was found, for a person."""
-    if case is Case.SINGULAR_EVERYWHERE:
-        return f"{case} Here {reason}."
-    parts = [str(case), f"Found: {analysis.family};"]
-    if surfaces:
-        parts.append(f"surfaces: {', '.join(surface.name for surface in surfaces)};")
-    if isolated.status is not IsolatedStatus.SURFACES:
-        parts.append(f"{real} real of {len(isolated.center)} isolated points ({isolated.status}).")
-    return " ".join([*parts, isolated.note]).rstrip(" ;")

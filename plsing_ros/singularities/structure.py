@@ -18,7 +18,7 @@ def distinct_rows(frame: SceneFrame) -> list[int]:
     """Return the rows of the lines without those that repeat an earlier one, with either orientation."""
     n = len(frame.direction)
     # No two directions within a thousandth of a radian: nothing to look at more closely.
-    if int((frame.cosine > _NOT_NEARLY_PARALLEL).sum()) == n:
+    if np.count_nonzero(frame.cosine > _NOT_NEARLY_PARALLEL) == n:
         return list(range(n))
     kept: list[int] = []
     for row in range(n):

@@ -10,8 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from plsing_ros.arrays import Array, cross
-from plsing_ros.singularities.residual import singularity_residuals
+from plsing_ros.singularities.residual import NO_PLACES, singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
+from plsing_ros.singularities.small_matrices import right_singular_vectors
 
 # Everything here is of order one in the scene frame; what is below this is zero. Rounded coordinates leave 1e-15, and
 # 1e-12 in a scene a thousand scene lengths from the origin, so that a scene that was meant to be special is seen as it.
@@ -115,8 +116,9 @@ def analyze_transversals(frame: SceneFrame, tolerance: float = TOLERANCE) -> Tra
     Source: eq. discr and section "Analysis of the variety V(G)" for n = 4 and 5; the cases by the rank of d . m on the
     null space are new, docs/theory.md section "Transversals".
     """
-    _, singular_values, right = np.linalg.svd(frame.plucker_matrix)
-    dimension = 6 - int((singular_values > tolerance * singular_values[0]).sum())
+    singular_values, right = right_singular_vectors(frame.plucker_matrix)
+    values = singular_values.tolist()
+    dimension = 6 - sum(value > tolerance * values[0] for value in values)
     null = right[6 - dimension :]
     form = _klein_form(null)
     if dimension == 0:
@@ -133,24 +135,46 @@ def analyze_transversals(frame: SceneFrame, tolerance: float = TOLERANCE) -> Tra
     return TransversalAnalysis(TransversalFamily.EVERYWHERE, dimension, None, _NO_LINES, _NO_PLANES)
 
 
-def named_transversals(analysis: TransversalAnalysis, frame: SceneFrame) -> tuple[Transversal, ...]:
-    """Return the finite single transversals in the frame of the lines, closest to the scene's centre first."""
-    line = analysis.lines
-    length = np.sqrt((line[:, :3] ** 2).sum(axis=1, keepdims=True))
-    if len(line) == 0 or length.min() <= TOLERANCE:
-        finite = length[:, 0] > TOLERANCE
-        if not finite.any():
-            return ()
-        line, length = line[finite], length[finite]
-    # (d, m) for a unit direction d whose largest component is positive.
-    sign = np.array([[1.0] if max(d, key=abs) > 0.0 else [-1.0] for d in line[:, :3].tolist()])
-    line = line * (sign / length)
-    direction = line[:, :3]
-    foot = cross(direction, line[:, 3:])
-    residual = _residual_along(frame, foot, direction).tolist()
+def finite_transversals(analysis: TransversalAnalysis) -> tuple[Array, Array]:
+    """Return points closest to the scene's centre and unit directions of the finite single transversals, (k, 3) each.
+
+    Of the two signs of a direction the one whose largest component is positive; scene coordinates.
+    """
+    scaled = []
+    for line in analysis.lines.tolist():
+        length = math.hypot(*line[:3])
+        if length > TOLERANCE:
+            scale = math.copysign(1.0 / length, max(line[:3], key=abs))
+            scaled.append([scale * value for value in line])
+    if not scaled:
+        return NO_PLACES, NO_PLACES
+    lines = np.array(scaled)
+    direction = lines[:, :3]
+    return cross(direction, lines[:, 3:]), direction
+
+
+def places_along(foot: Array, direction: Array) -> Array:
+    """Return the two places on each of k lines at which its residual is computed, shape (2 k, 3).
+
+    Two that are not its foot, so that a point it shares with an observed line hardly hides a wrong direction.
+    """
+    places: Array = foot[:, np.newaxis, :] + direction[:, np.newaxis, :] * _PLACES
+    return places.reshape(-1, 3)
+
+
+def named_transversals(frame: SceneFrame, foot: Array, direction: Array, residual: Array) -> tuple[Transversal, ...]:
+    """Return transversals in the frame of the lines, closest to the scene's centre first.
+
+    Args:
+        frame: The scene.
+        foot: Of finite_transversals, shape (k, 3).
+        direction: Of finite_transversals, shape (k, 3).
+        residual: Independent residuals at places_along, shape (2 k,).
+    """
     point = frame.from_scene(foot)
+    each = residual.tolist()
     return tuple(
-        Transversal(point[i], direction[i], residual[i], f"transversal {rank}")
+        Transversal(point[i], direction[i], max(each[2 * i], each[2 * i + 1]), f"transversal {rank}")
         for rank, i in enumerate(order_of_loci(foot, direction), start=1)
     )
 
@@ -177,8 +201,9 @@ def nearest_transversal(frame: SceneFrame) -> NearestTransversal:
     parallel = sine <= TOLERANCE
     apart = np.linalg.norm(cross(frame.point - foot, direction), axis=1)
     miss = np.where(parallel, apart, np.abs(rows @ line) / np.where(parallel, 1.0, sine))
-    residual = _residual_along(frame, foot[np.newaxis], direction[np.newaxis])[0]
-    return NearestTransversal(frame.from_scene(foot), direction, float(residual), miss * frame.length)
+    places = places_along(foot[np.newaxis], direction[np.newaxis])
+    residual = float(singularity_residuals(frame.point, frame.direction, places).max())
+    return NearestTransversal(frame.from_scene(foot), direction, residual, miss * frame.length)
 
 
 def _descended(rows: Array, start: Array) -> Array:
@@ -235,17 +260,6 @@ def _klein_form(basis: Array) -> Array:
     return symmetric
 
 
-def _residual_along(frame: SceneFrame, foot: Array, direction: Array) -> Array:
-    """Return the larger residual at two points of each line, shape (k,).
-
-    Two that are not its foot, so that a point it shares with an observed line hardly hides a wrong direction.
-    """
-    places = foot[:, np.newaxis, :] + direction[:, np.newaxis, :] * _PLACES
-    residual = singularity_residuals(frame.point, frame.direction, places.reshape(-1, 3))
-    larger: Array = residual.reshape(-1, len(_PLACES)).max(axis=1)
-    return larger
-
-
 def order_of_loci(point: Array, direction: Array | None = None) -> list[int]:
     """Return the order in which loci are named: by distance to the scene's centre, then by coordinates.
 
@@ -267,7 +281,7 @@ def order_of_loci(point: Array, direction: Array | None = None) -> list[int]:
 
 def _of_pencil(null: Array, form: Array, tolerance: float) -> TransversalAnalysis:
     """The transversals in a two-dimensional null space: the zeros of a binary quadratic form."""
-    a, b, c = float(form[0, 0]), float(form[0, 1]), float(form[1, 1])
+    (a, b), (_, c) = form.tolist()
     discriminant, size = b * b - a * c, max(abs(a), abs(b), abs(c))
     if size <= tolerance:
         return TransversalAnalysis(TransversalFamily.PENCIL, 2, discriminant, _NO_LINES, _plane_of(null))

@@ -190,34 +190,6 @@ def test_nearest_transversal_is_a_local_minimum(lines):
             assert moved >= best - 1e-6 * (1.0 + best)
 
 
-def test_certificates_prove_points_and_transversals():
-    certified = singular_set(line_set(PAPER_FOUR), certify=True)
-    assert [c.name for c in certified.certificates[:2]] == ["transversal 1", "transversal 2"]
-    assert len(certified.certificates) == 2 + 6 + 2
-    assert all(c.proved and c.radius < 1e-9 for c in certified.certificates)
-    assert singular_set(line_set(PAPER_FOUR)).certificates == ()
-
-
-def test_certificates_of_more_lines_name_the_four_they_are_about():
-    points = [[0, 0, i] for i in range(1, 6)]
-    directions = [[1, i * i - 3, 2 * i] for i in range(1, 6)]
-    certified = singular_set(line_set((points, directions)), certify=True)
-    transversal = next(c for c in certified.certificates if c.name.startswith("transversal"))
-    assert transversal.proved
-    assert len(transversal.lines) == 4
-    assert "not proved: all lines together" in certified.certification
-
-
-def test_certification_says_what_is_not_proved():
-    assert "asked" in FOUND.certification
-    assert "no others is not proved" in singular_set(line_set(PAPER_FOUR), certify=True).certification
-    for count in (2, 3):
-        few = [rows[:count] for rows in PAPER_FOUR]
-        found = singular_set(line_set(few), certify=True)
-        assert found.certificates == ()
-        assert found.certification.startswith("Nothing was certified")
-
-
 def test_nearest_transversal_where_no_line_comes_near():
     # Gauss-Newton stalls here at 0.2900.
     points = [[0, 0, 1], [0, 0, 0], [-1, -0.5, 0.5], [0.5, 0, -0.5], [2, 1, 2]]
@@ -233,16 +205,3 @@ def test_nearest_transversal_where_no_line_comes_near():
     nearest = found.nearest_transversal
     own = cost(np.concatenate([nearest.direction, found.frame.to_scene(nearest.point)]))
     assert own <= min(minimize(cost, start).fun for start in starts) + 1e-9
-
-
-def test_a_wrong_point_is_not_certified():
-    from plsing_ros.singularities.certificate import certify_isolated_point, certify_transversal
-
-    lines = line_set(PAPER_FOUR)
-    wrong = FOUND.isolated_points[0] + 1e-3
-    certificate = certify_isolated_point(lines, FOUND.frame, wrong, "wrong")
-    assert not certificate.proved
-    assert certificate.radius == np.inf
-    transversal = FOUND.transversals[0]
-    certificate = certify_transversal(lines, FOUND.frame, transversal.point + 1e-3, transversal.direction, "wrong")
-    assert not certificate.proved
