@@ -107,6 +107,8 @@ def _yaml(value: Any) -> str:
         text = repr(value)
         # "1e-12" is a float to ROS and a string to YAML readers that follow YAML 1.1.
         return text if "." in text else text.replace("e", ".0e")
+    if value == "":
+        return '""'
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 

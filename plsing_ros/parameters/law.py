@@ -32,10 +32,11 @@ class LawParameters(TaskParameters):
         choices=("pinv", "dls", "adaptive_dls", "guarded", "detour"),
     )
     interaction: str = parameter(
-        "current",
+        "auto",
         "interaction",
-        "The L that is inverted: at the current features, at the desired ones (then constant), or the mean of both",
-        choices=("current", "desired", "mean"),
+        "The L that is inverted: at the current features, at the desired ones (then constant), or the mean of both; "
+        "auto: mean for guarded where L at the target is known, else current",
+        choices=("auto", "current", "desired", "mean"),
     )
     gain: float = parameter(
         0.1, "gain", "lambda of the law tau = -lambda pinv(L) (s - s*)", unit="1/s", minimum=1e-6, maximum=1000.0

@@ -116,8 +116,8 @@ class MonitorParameters(TaskParameters):
     preview_rules: bool = parameter(
         True,
         "prediction.preview_rules",
-        "While the goal is known and cmd_twist follows the plain law, only the speed expected from a preview of that "
-        "law alerts, not that a singularity is near; false: both alert",
+        "While cmd_twist follows the plain law, only the speed expected from a preview of that law alerts, not that a "
+        "singularity is near; false: both alert",
     )
     least_speed: float = parameter(
         1e-3,

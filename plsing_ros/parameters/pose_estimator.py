@@ -55,7 +55,7 @@ class EstimationParameters(ParameterSet):
     most_triplets: int = parameter(
         40,
         "most_triplets",
-        "Triplets of lines that first estimates are made from, if there are more: the best conditioned ones",
+        "Triplets of lines that are tried, the best conditioned ones, when some lines do not agree with the others",
         minimum=4,
         maximum=1000,
         live=False,

@@ -9,7 +9,6 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 
-
 _ZERO = np.zeros(6)
 _ZERO.setflags(write=False)
 

@@ -15,8 +15,10 @@ from plsing_ros.servoing.law_step import FASTEST, law, lines_after
 _SECOND = 1_000_000_000
 # The commanded twist follows the law if their cosine is above this.
 _SAME_DIRECTION = 0.8
-# A gain that changes by more than this share is read anew.
-_SAME_SIZE = 0.2
+# The commanded twists of the latest cycles are those foreseen if their regression on these has a slope in this range;
+# noise near a singularity makes each by itself useless.
+_SLOPE = (0.5, 1.6)
+_FORGET = 0.85
 # Image lines that deviate from the preview by less than this are as foreseen [root mean square of l'].
 _AS_FORESEEN = 0.02
 # Steps in one cycle: more than one until the preview is as far ahead as it is to be, then one keeps it there.
@@ -87,6 +89,8 @@ class LawPreview:
         self._samples: deque[_Sample] = deque()
         self._gain, self._step = 0.0, 0
         self._fastest = _NOTHING
+        # Sums of products of foreseen twists with commanded ones and with themselves.
+        self._product = self._square = 0.0
         # Of the preview before this one, until this one has got as far.
         self._before: tuple[float, int] = (0.0, 0)
 
@@ -129,19 +133,32 @@ class LawPreview:
         while samples and samples[0].stamp < sight.stamp - self._step // 2:
             sample = samples.popleft()
             if abs(sample.stamp - twist_stamp) <= self._step // 2:
-                ratio = _projection(sample.twist, twist)
-                commanded = ratio is not None and abs(ratio - 1.0) < _SAME_SIZE
-        if not samples or not commanded:
+                commanded = self._is_commanded(sample.twist, twist)
+        if not commanded:
+            # Another law, another goal or another gain: nothing that was foreseen holds.
+            self._end()
+            return False
+        if not samples:
             return False
         return is_alike(samples[0].lines, sight.image)
 
+    def _is_commanded(self, foreseen: Array, twist: Array) -> bool:
+        self._product = _FORGET * self._product + float(foreseen @ twist)
+        self._square = _FORGET * self._square + float(foreseen @ foreseen)
+        return _SLOPE[0] * self._square <= self._product <= _SLOPE[1] * self._square
+
     def _begin(self, sight: Sight, desired: Array, twist: Array, commanded_for: Sight, period: int) -> None:
-        before = (self._fastest.speed, self._fastest.stamp) if self._samples else self._before
-        self._end()
         gain = _projection(law(commanded_for.lines(), desired), twist)
         if gain is None:
+            # Noise can hide the law in one twist; then what the latest ones said still holds.
+            gain = self._gain
+        if gain == 0.0:
+            self._end()
             return
-        self._gain, self._before = gain, before
+        if self._samples:
+            self._before = (self._fastest.speed, self._fastest.stamp)
+        self._gain = gain
+        self._samples.clear()
         self._step = min(max(period, _SHORTEST_STEP), _LONGEST_STEP)
         self._fastest = self._sample(sight.stamp, sight.lines(), desired)
         self._samples.append(self._fastest)

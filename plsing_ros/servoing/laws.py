@@ -32,7 +32,8 @@ def dls_factors(values: Array, threshold: float, damping: float | Array) -> Arra
     size = np.hypot(values, damping)
     kept = values > threshold * values[0]
     share = np.divide(values, size, where=kept, out=np.zeros_like(values))
-    return np.divide(share, size, where=kept, out=share)
+    factors: Array = np.divide(share, size, where=kept, out=share)
+    return factors
 
 
 def adaptive_damping(values: Array, onset: float, largest: float) -> Array:

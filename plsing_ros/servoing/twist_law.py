@@ -39,7 +39,8 @@ class LawTwist(NamedTuple):
         gain: lambda [1/s].
         values: Singular values of the matrix that was inverted, largest first, shape (m,).
         damping: Of the smallest one.
-        health: The smallest one over where it is taken as nearly lost.
+        health: Smallest singular value of L at the current features over where it is taken as nearly lost; 1 for a
+            law without a guard.
     """
 
     twist: Array
@@ -77,7 +78,8 @@ def law_twist(
         largest = float(np.abs(error).max())
         gain = adaptive_gain(largest, gain, parameters.gain_at_infinity, parameters.gain_slope)
     current = interaction if len(columns) == 6 else interaction[:, columns]
-    left, values, right = factorised(_inverted(parameters.interaction, current, image, view))
+    inverted = _inverted(parameters, current, image, view)
+    left, values, right = factorised(inverted)
     reference = _reference(values, view)
     onset = parameters.onset * reference
     pinv = pinv_factors(values, parameters.pinv_threshold)
@@ -89,10 +91,13 @@ def law_twist(
         each = adaptive_damping(values, onset, parameters.largest_damping * reference)
         factors, damping = dls_factors(values, parameters.pinv_threshold, each), float(each[-1])
     amplitudes = -gain * (factors * ((error if integral is None else error + integral) @ left))
-    health = float(values[-1]) / onset
-    if parameters.law == "guarded" and health < 1.0:
+    health = 1.0
+    if parameters.law == "guarded":
         least = _CREEP * parameters.speed_limits[0]
         amplitudes = limited_amplitudes(amplitudes, smooth_step(values / onset), parameters.guard_lost_share, least)
+        # The mean of two matrices can be healthy where the camera is at a singularity.
+        here = values if inverted is current else factorised(current).singular_values
+        health = float(here[-1]) / onset
     twist: Array = amplitudes @ right
     if any(parameters.secondary_twist):
         twist = twist + null_space_part(right, pinv, np.array(parameters.secondary_twist)[list(columns)])
@@ -103,7 +108,10 @@ def law_twist(
     return LawTwist(twist, gain, values, damping, health)
 
 
-def _inverted(which: str, current: Array, image: Array, view: TargetView) -> Array:
+def _inverted(parameters: ControllerParameters, current: Array, image: Array, view: TargetView) -> Array:
+    which = parameters.interaction
+    if which == "auto":
+        which = "mean" if parameters.law == "guarded" and view.interaction is not None else "current"
     if which == "current":
         return current
     if view.interaction is None:

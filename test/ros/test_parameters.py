@@ -13,6 +13,7 @@ from plsing_ros.nodes.controller import Controller
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
 from plsing_ros.nodes.pose_estimator import PoseEstimator
 from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.parameters import MonitorParameters
 
 NODES = [FeatureSimulator, Controller, PoseEstimator, SingularityMonitor]
 
@@ -83,6 +84,10 @@ def value_of(value):
         return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
     if isinstance(value, int):
         return ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value)
+    if isinstance(value, str):
+        return ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+    if isinstance(value[0], int):
+        return ParameterValue(type=ParameterType.PARAMETER_INTEGER_ARRAY, integer_array_value=value)
     return ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=value)
 
 
@@ -107,6 +112,42 @@ def test_live_changes_are_taken_or_refused_as_a_whole(ros, paper):
     refused = set_live(ros, "singularity_monitor", warn__transversal_distance=0.1)
     assert not refused.successful and "below 'critical.transversal_distance' = 0.3" in refused.reason
     assert node.get_parameter("warn.transversal_distance").value == 0.5
+
+
+def another(name, value):
+    """An allowed value other than the present one; in order of declaration no rule between values is broken."""
+    if name.endswith("_exit"):
+        return 1.0 if "speed" in name or ".inverse" in name else 2.0
+    if name.startswith("warn."):
+        return 1.2 * value + 1e-3
+    if name.startswith("critical."):
+        return 0.6 * value + 1e-4
+    special = {"target.orientation": [0.0, 0.0, 0.0, 1.0], "lines.ids": [1, 2, 3, 5], "condition_thresholds": "both"}
+    if name in special:
+        return special[name]
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, tuple):
+        return [each + 0.05 for each in value]
+    return value + 1 if isinstance(value, int) else 1.1 * value
+
+
+def test_each_live_parameter_is_taken_and_a_set_with_one_bad_value_is_refused_whole(ros, paper):
+    node = ros.add(SingularityMonitor, paper, {"warn.relative_inverse_condition_number_exit": 0.0})
+    for name, (_, specification) in MonitorParameters.specifications().items():
+        before = node.parameters.values()
+        if not specification.live:
+            assert not set_live(ros, "singularity_monitor", **{name: before[name]}).successful, name
+            continue
+        value = another(name, before[name])
+        refused = set_live(ros, "singularity_monitor", **{name: value, "rate_window": 1})
+        assert not refused.successful and "rate_window" in refused.reason, name
+        assert node.parameters.values() == before, name
+        result = set_live(ros, "singularity_monitor", **{name: value})
+        assert result.successful, (name, result.reason)
+        after = node.parameters.values()
+        assert list(np.atleast_1d(after[name])) == list(np.atleast_1d(value)) != list(np.atleast_1d(before[name])), name
+        assert {each for each in after if after[each] != before[each]} == {name}
 
 
 def test_a_whole_number_is_taken_for_a_length(ros, paper):

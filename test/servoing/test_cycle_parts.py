@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from strategies import poses, seen_lines, twists
+from hypothesis import assume, given
+from strategies import poses, seen_lines, twists, vectors
 
 from plsing_ros.features import interaction_matrix, project_lines
+from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.servoing.command import Command, Mode
 from plsing_ros.servoing.gate import StatusGate
 from plsing_ros.servoing.integral import ErrorIntegral
@@ -127,3 +128,35 @@ def test_the_mean_is_that_of_offsets_and_angles(lines, start):
     np.testing.assert_allclose(mean[:, 2], expected[:, 0], atol=1e-9 * scale)
     np.testing.assert_allclose(np.cos(a) * mean[:, 1] - np.sin(a) * mean[:, 0], expected[:, 1], atol=1e-9 * scale)
     np.testing.assert_allclose(np.cos(a) * mean[:, 0] + np.sin(a) * mean[:, 1], 0.0, atol=1e-9 * scale)
+
+
+def unexplained(lines, twist, matrix_of):
+    """The largest part of s - s* along which an image line can move that a matrix times the motion does not explain."""
+    here = lines.transformed(Pose(np.eye(3), np.zeros(3)).moved(twist, 1.0).inverse(), "camera")
+    rest = project_lines(here) - project_lines(lines) - matrix_of(here, lines) @ twist
+    (x, y, _), rows = project_lines(here).reshape(-1, 3).T, rest.reshape(-1, 3)
+    return np.hypot(x * rows[:, 1] - y * rows[:, 0], rows[:, 2]).max()
+
+
+def mean_of(here, target):
+    return mean_interaction(
+        interaction_matrix(here), project_lines(here), interaction_matrix(target), project_lines(target)
+    )
+
+
+@given(lines=seen_lines(min_size=4, max_size=6), twist=vectors(6, -1.0, 1.0))
+def test_the_mean_explains_the_error_to_second_order(lines, twist):
+    """Half the motion leaves an eighth, or less, of what the mean of L and L* does not explain."""
+    whole, half = (unexplained(lines, size * twist, mean_of) for size in (4e-3, 2e-3))
+    assume(whole > 1e-10)  # else it is rounding
+    assert whole / half > 6.8
+
+
+def test_the_current_matrix_explains_it_to_first_order_only():
+    lines = LineSet.from_points_directions(
+        [[-1.0, 0, 4], [1.0, 0, 5], [0, -1.0, 4], [0, 1.0, 5]],
+        [[0.2, 1, 0.1], [0, 1, 0.3], [1, 0.2, 0.2], [1, -0.3, 0]],
+    )
+    twist = np.array([0.3, -0.2, 0.4, 0.2, 0.1, -0.3])
+    whole, half = (unexplained(lines, size * twist, lambda here, _: interaction_matrix(here)) for size in (4e-3, 2e-3))
+    assert whole / half == pytest.approx(4.0, rel=0.05)

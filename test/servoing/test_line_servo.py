@@ -73,7 +73,7 @@ anything = st.floats(allow_nan=True, allow_infinity=True, width=64)
 options = st.fixed_dictionaries(
     {
         "law": st.sampled_from(LAWS),
-        "interaction": st.sampled_from(["current", "desired", "mean"]),
+        "interaction": st.sampled_from(["auto", "current", "desired", "mean"]),
         "pinv_threshold": st.sampled_from([0.0, 1e-12, 1e-3]),
         "gain": st.sampled_from([0.1, 1000.0]),
         "gain_slope": st.sampled_from([0.0, 1.0]),
@@ -214,25 +214,29 @@ PLAIN_PEAK, PLAIN_ITERATIONS = 0.0621, 1637
 
 
 @pytest.mark.parametrize("number", [2, 4])
-def test_guarded_reaches_the_target_from_starts_that_are_not_healthy(number):
+def test_guarded_goes_straight_where_the_plain_law_runs_away(number):
     distance, speed, _ = run_from(number, 2500, law="guarded")
     assert distance[-1] <= near_transversal.ARRIVED
     assert len(distance) <= 1.5 * PLAIN_ITERATIONS
     assert speed.max() <= 3.0 * PLAIN_PEAK
+    assert (np.diff(distance) <= 1e-9).all()
 
 
 @pytest.mark.parametrize("number", [1, 3])
 def test_guarded_leaves_a_healthy_task_as_it_is(number):
-    """Where the way is clear the guard is idle, so that the runs are those of the plain law."""
+    """Where the way is clear the guard is idle, so that the runs are those of the mean of L and L*."""
     lines, target = SCENE
-    plain, guarded = servo_for(lines, target), servo_for(lines, target, law="guarded")
+    plain, guarded = servo_for(lines, target, interaction="mean"), servo_for(lines, target, law="guarded")
+    distance = []
     pose = start_pose(number)
     for _ in range(60):
         now = observation(lines, pose)
         command = guarded.step(now, NOW, NOW)
         np.testing.assert_array_equal(command.twist, plain.step(now, NOW, NOW).twist)
         assert (command.scale, command.saturated) == (1.0, False)
+        distance.append(np.linalg.norm(pose.translation - target.translation))
         pose = pose.moved(command.twist, 1.0)
+    assert (np.diff(distance) < 0.0).all() and distance[-1] < 0.01
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
