@@ -14,6 +14,7 @@ import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from plsing_ros.geometry import LineSet
+from plsing_ros.geometry.segments import segments_in_ball
 from plsing_ros.singularities import singular_set, surface_triangles
 
 HERE = Path(__file__).parent
@@ -23,12 +24,9 @@ OBSERVED, TRANSVERSAL, ISOLATED, OTHER = "#1f4e79", "#c55a11", "#b00020", "#6b6b
 
 
 def segment(axes: plt.Axes, point: np.ndarray, direction: np.ndarray, size: float, **style: object) -> None:
-    """Draw the part of a line inside the cube [-size, size]^3."""
-    steps = np.linspace(-4 * size, 4 * size, 2000)
-    places = point + steps[:, np.newaxis] * direction
-    inside = places[(np.abs(places) <= size).all(axis=1)]
-    if len(inside):
-        axes.plot(*inside[[0, -1]].T, **style)
+    """Draw the part of a line inside the ball around the origin."""
+    for ends in segments_in_ball(point[np.newaxis], direction[np.newaxis], np.zeros(3), size):
+        axes.plot(*ends.T, **style)
 
 
 def scene() -> None:

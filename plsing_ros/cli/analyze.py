@@ -29,10 +29,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("scene", help="parameter file with lines.points and lines.directions")
     parser.add_argument("--at", nargs=3, type=float, metavar=("X", "Y", "Z"), help="camera centre, scene frame [m]")
+    parser.add_argument("--certify", action="store_true", help="prove what can be proved; takes seconds")
     options = parser.parse_args(argv)
     try:
-        found = singular_set(read_scene(options.scene))
+        found = singular_set(read_scene(options.scene), certify=options.certify)
         print("\n".join(_description(found)))
+        if options.certify:
+            print("\n".join(_proofs(found)))
         if options.at is not None:
             print("\n".join(_situation(found, np.array(options.at))))
     except PlsingError as error:
@@ -53,6 +56,14 @@ def _description(found: SingularSet) -> list[str]:
     ):
         lines.append(f"isolated point {number}: {_vector(point)} m, residual {residual:.1e}")
     lines += [f"{surface.name}: degree {surface.degree}" for surface in found.surfaces]
+    return lines
+
+
+def _proofs(found: SingularSet) -> list[str]:
+    lines = ["", found.certification]
+    for proof in found.certificates:
+        radius = f", radius {proof.radius:.1e}" if np.isfinite(proof.radius) else ""
+        lines.append(f"  {proof.name}, lines {', '.join(map(str, proof.lines))}: {proof.statement}{radius}")
     return lines
 
 

@@ -24,25 +24,28 @@ from plsing_ros.singularities.transversals import TransversalAnalysis
 
 # Size of the perturbation of directions and points, scene coordinates: from generic to numerically zero, on a spiral
 # in the complex plane. On a straight way real points would meet and become complex, where no path can be followed.
-_RATIO = 0.4 * np.exp(0.5j)
-_SIZES = 1e-2 * _RATIO ** np.arange(0, 19)
+_FIRST = 1e-2
+_LAST = 7e-10 * np.exp(9j)
+# Steps on this way; the next number for approaches that lost a path.
+_STEPS = (18, 36)
 _APPROACHES = 3
 _SPARE = 9
 # |A(h) k| of unit vectors up to which a path is followed, and
 _FOLLOWED = 1e-7
 # that above which a path was lost.
 _LOST = 1e-8
+# Distance to a line or inverse distance, a third before the end, that is too small to be that of a path going there.
+_CAPTURED = 1e-14
 
 # A path that comes this near to a line, a transversal, or infinity (inverse distance) has gone there.
 MERGED = 1e-6
 _MERGED_MULTIPLE = 1e-4
-# ... or this near, if it is still getting nearer by _APPROACHING over the last _LOOK_BACK steps of the perturbation.
+# ... or this near, if it is still getting nearer by _APPROACHING over the last third of the steps.
 _NEAR = 1e-2
-_LOOK_BACK = 6
 _APPROACHING = 0.3
 
 # Inverse condition number of the equations' Jacobian above which a solution is isolated and simple.
-_REGULAR = 1e-9
+_REGULAR = 1e-7
 # Limits nearer to each other than this (relative) are the same; those of a multiple point spread by a root of the
 # perturbation.
 _SAME = 1e-6
@@ -104,12 +107,13 @@ def limits_of_ten_points(frame: SceneFrame, analysis: TransversalAnalysis, surfa
     on_transversal = ~infinite & ~on_line & fate.on_transversals(h, earlier)
     open_: BoolArray = ~(infinite | on_line | on_transversal)
     center = np.full((len(h), 3), np.nan + 0j)
-    center[open_] = h[open_, 1:] / h[open_, :1]
+    rows = np.flatnonzero(open_)
+    center[rows] = h[rows, 1:] / h[rows, :1]
     approach = np.repeat(np.arange(_APPROACHES), 10)
-    groups, alone = _group(center, regular, np.flatnonzero(open_), approach)
+    groups, alone = _group(center, regular, rows, approach)
     ends = [_end(frame, center[g], polished[g], bool(regular[g[0]])) for g in groups]
     found = np.array(ends, dtype=complex).reshape(-1, 3)
-    real = ~found.imag.any(axis=1)
+    real: BoolArray = np.abs(found.imag).max(axis=1, initial=0.0) == 0.0
     residual = singularity_residuals(frame.point, frame.direction, found)
     good = np.flatnonzero(residual <= RESIDUAL_TOLERANCE)
     moving = [i for i in alone if _is_singular(frame, center[i])]
@@ -152,44 +156,66 @@ def _end(frame: SceneFrame, center: ComplexArray, polished: npt.NDArray[Any], si
 def _is_singular(frame: SceneFrame, center: ComplexArray) -> bool:
     """Return whether a limit that is known to the last perturbation only is a singular centre of the scene itself."""
     residual = singularity_residuals(frame.point, frame.direction, center[np.newaxis])
-    return bool(residual[0] <= 1e3 * abs(_SIZES[-1]))
+    return bool(residual[0] <= 1e3 * abs(_LAST))
 
 
 def _follow(frame: SceneFrame) -> tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]:
     """Return centres and motions of all approaches near the end of the path, and the centres some steps before."""
     rng = np.random.default_rng(20210517)
     turn, shift = rng.normal(size=(2, _SPARE, 4, 3))
-    start = solve_ten_points(*_neighbours(frame, turn, shift, float(_SIZES[0].real)))
+    start = solve_ten_points(*_neighbours(frame, turn, shift, _FIRST))
     order = np.argsort(~start.complete, kind="stable")
     found: list[tuple[int, npt.NDArray[Any]]] = []
-    # Where Newton's method loses a path of one approach, a spare one takes its place.
-    while len(order) and (missing := _APPROACHES - sum(lost == 0 for lost, _ in found)) > 0:
+    # Where a path of one approach is lost, a spare one takes its place, in smaller steps.
+    for steps in _STEPS:
+        missing = _APPROACHES - sum(lost == 0 for lost, _ in found)
         which, order = order[:missing], order[missing:]
-        paths, value = _follow_some(frame, turn[which], shift[which], start.center[which])
-        lost = (value > _LOST).reshape(-1, 10).sum(axis=1)
+        if len(which) == 0:
+            break
+        paths, lost = _follow_some(frame, turn[which], shift[which], start.center[which], steps)
         found += [(int(lost[i]), paths[10 * i : 10 * i + 10]) for i in range(len(which))]
     best = np.concatenate([paths for _, paths in sorted(found, key=lambda each: each[0])[:_APPROACHES]])
     return best[:, :4], best[:, 4:10], best[:, 10:]
 
 
-def _follow_some(frame: SceneFrame, turn: Array, shift: Array, center: ComplexArray) -> tuple[npt.NDArray[Any], Array]:
-    """Return rows (h, k, earlier h) of the ends of the ten paths of some approaches, and |A(h) k| there."""
-    count = len(turn)
-    scene = np.repeat(np.arange(count), 10)
+def _follow_some(
+    frame: SceneFrame, turn: Array, shift: Array, center: ComplexArray, steps: int
+) -> tuple[npt.NDArray[Any], npt.NDArray[np.intp]]:
+    """Return rows (h, k, earlier h) of the ends of the ten paths of some approaches, and how many of each were lost."""
+    ratio = (_LAST / _FIRST) ** (1.0 / steps)
+    scene = np.repeat(np.arange(len(turn)), 10)
     flat = np.nan_to_num(center.reshape(-1, 3))
     h = np.concatenate([np.ones((len(flat), 1)), flat], axis=1)
     h /= np.linalg.norm(h, axis=1, keepdims=True)
-    tensor = bilinear_tensor(*_neighbours(frame, turn, shift, float(_SIZES[0].real)))
+    tensor = bilinear_tensor(*_neighbours(frame, turn, shift, _FIRST))
     k = np.linalg.svd(np.einsum("ka,kaij->kij", h, tensor[scene]))[2][:, -1].conj()
     history = [(h, k)]
-    for size in _SIZES[1:]:
-        tensor = bilinear_tensor(*_neighbours(frame, turn, shift, size))
+    for step in range(1, steps + 1):
+        direction, point = _neighbours(frame, turn, shift, _FIRST * ratio**step)
+        tensor = bilinear_tensor(direction, point)
         before = history[-2] if len(history) > 1 else (h, k)
         # Along the chord of the last step, which the ratio of the sizes shortens.
-        h, k = newton(tensor, scene, h + _RATIO * (h - before[0]), k + _RATIO * (k - before[1]), _FOLLOWED)
+        h, k = newton(tensor, scene, h + ratio * (h - before[0]), k + ratio * (k - before[1]), _FOLLOWED)
         history.append((h, k))
+        if step == steps - steps // 3:
+            # The equations have other solutions than the ten: at infinity, and on the lines. A path that ends there
+            # gets there at some rate of the perturbation; one that is there already was attracted by such a solution.
+            to_lines = _offsets(direction[scene], cross(point, direction)[scene], h)
+            captured = np.minimum(np.abs(h[:, 0]), to_lines) < _CAPTURED
     value = np.linalg.norm(np.einsum("ka,kaij,kj->ki", h, tensor[scene], k, optimize=True), axis=1)
-    return np.concatenate([h, k, history[-1 - _LOOK_BACK][0]], axis=1), value
+    lost = captured | (value > _LOST)
+    earlier = history[-1 - steps // 3][0]
+    return np.concatenate([h, k, earlier], axis=1), lost.reshape(-1, 10).sum(axis=1)
+
+
+def _offsets(direction: npt.NDArray[Any], moment: npt.NDArray[Any], h: npt.NDArray[Any]) -> Array:
+    """Return the distances of homogeneous centres (k, 4) to the nearest of lines (k or 1, n, 3), shape (k,).
+
+    m C_0 - C x d for a unit h: the distance over that to the scene.
+    """
+    offset = h[:, np.newaxis, :1] * moment + cross(direction, h[:, np.newaxis, 1:])
+    distance: Array = np.sqrt((offset.real**2 + offset.imag**2).sum(axis=2)).min(axis=1)
+    return distance
 
 
 def _neighbours(
@@ -217,7 +243,8 @@ class _Fate:
         return np.logical_or(blurred, _arrived(np.abs(h[:, 0]), np.abs(earlier[:, 0])))
 
     def on_lines(self, h: npt.NDArray[Any], earlier: npt.NDArray[Any]) -> BoolArray:
-        return _arrived(self._to_lines(h), self._to_lines(earlier))
+        direction, moment = self._frame.direction[np.newaxis], self._frame.moment[np.newaxis]
+        return _arrived(_offsets(direction, moment, h), _offsets(direction, moment, earlier))
 
     def on_transversals(self, h: npt.NDArray[Any], earlier: npt.NDArray[Any]) -> BoolArray:
         reached = np.zeros(len(h), dtype=bool)
@@ -227,13 +254,6 @@ class _Fate:
             now, before = (np.abs(np.einsum("abc,ka,kb,kc->k", surface.tensor, x, x, x)) for x in (h, earlier))
             reached |= _arrived(now, before)
         return reached
-
-    def _to_lines(self, h: npt.NDArray[Any]) -> Array:
-        direction, moment = self._frame.direction, self._frame.moment
-        # m C_0 - C x d of the homogeneous centre: its distance to the line over its distance to the scene.
-        offset = h[:, np.newaxis, :1] * moment + cross(direction, h[:, np.newaxis, 1:])
-        distance: Array = np.sqrt((offset.real**2 + offset.imag**2).sum(axis=2)).min(axis=1)
-        return distance
 
 
 def _incidence(line: Array, h: npt.NDArray[Any]) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array, checked_array
+from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
 from plsing_ros.singularities.cases import Case, classify
 from plsing_ros.singularities.certificate import Certificate, certify_isolated_point, certify_transversal
@@ -39,6 +40,8 @@ from plsing_ros.singularities.transversals import (
 
 # Four-line subsets of more lines that are tried for a proof; a point can be a singular solution for some of them.
 _CERTIFIED_SUBSETS = 3
+# Moments [m] whose products are still finite numbers.
+_FARTHEST = 1e50
 _NO_PROOFS = "No proofs were asked for."
 _INTERVALS = (
     "The lines are taken as exactly the given doubles. Each certificate that is proved encloses one true transversal "
@@ -189,8 +192,17 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
             other isolated points, and the polynomials of surfaces. Takes about a second for four lines, a few for
             integers of four digits or many lines; needs mpmath and sympy.
 
+    Raises:
+        GeometryError: If a line is farther than 1e50 m from the origin, so that products of lengths overflow.
+
     Source: sections "Singularities in P4L" and "P5L"; the isolated points are new (docs/theory.md).
     """
+    largest = np.abs(lines.moment).max()
+    if not largest < _FARTHEST:
+        row = int(np.abs(lines.moment).max(axis=1).argmax())
+        raise GeometryError(
+            f"line {lines.ids[row]}: its moment is {largest:.3g} m; up to {_FARTHEST:.0e} m can be computed with"
+        )
     frame = SceneFrame.of(lines)
     rows = distinct_rows(frame)
     reason = singular_everywhere_reason(frame, len(rows))

@@ -32,3 +32,10 @@ def test_a_file_that_cannot_be_read_is_one_line(capsys):
 def test_a_camera_that_is_nowhere_is_refused(capsys):
     assert main([PAPER, "--at", "nan", "0", "0"]) == 1
     assert "camera_center[0] is nan" in capsys.readouterr().err
+
+
+def test_proofs_are_printed_on_request(capsys):
+    assert main([PAPER, "--certify"]) == 0
+    output = capsys.readouterr().out
+    assert "Exactly ten isolated points, 6 of them real" in output
+    assert "Not proved" not in output

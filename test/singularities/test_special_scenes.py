@@ -123,6 +123,37 @@ SPECIAL = {
         [[0, 0, 1], [1, 0, 0], [0, 1, 0], [1, 3, -5]],
         F.TWO, S.POSITIVE_DIMENSIONAL, 7, [], 2,
     ),
+    # Small integers among which earlier ways of following the ten points lost one or found one twice.
+    "a double point": (
+        [[-2, -3, -1], [-1, 2, -3], [-2, 0, -1], [1, -1, 2]],
+        [[1, 1, 0], [2, -1, -1], [-2, 2, -2], [-1, 0, -1]],
+        F.TWO, S.FINITE, 7, [], 2,
+    ),
+    "a double point and one at infinity": (
+        [[1, 0, 1], [2, 0, 3], [3, 2, 2], [3, -1, -2]],
+        [[2, 2, 1], [2, 1, -1], [2, -2, 2], [0, -2, -2]],
+        F.TWO, S.FINITE, 8, [], 2,
+    ),
+    "a point near a line, one at infinity": (
+        [[-2, -3, -1], [-3, 0, 3], [3, -3, -3], [-2, 1, 3]],
+        [[1, 0, 2], [2, -1, 0], [2, 1, -2], [1, -1, -2]],
+        F.TWO, S.FINITE, 9, [], 2,
+    ),
+    "a far point, one at infinity": (
+        [[-2, 0, -3], [2, -3, -2], [2, -2, -1], [-3, 0, 3]],
+        [[1, -1, 1], [0, 2, 1], [1, 0, 1], [-1, -2, -2]],
+        F.TWO, S.FINITE, 9, [], 2,
+    ),
+    "a parallel pair, one point on a line": (
+        [[0, 0, -3], [-1, 2, 3], [3, 2, 1], [-3, -2, 1]],
+        [[0, -1, -1], [1, 1, -1], [-1, -1, 1], [1, 1, 0]],
+        F.TWO, S.FINITE, 1, [], 2,
+    ),
+    "two double points and a curve": (
+        [[2, 1, 3], [2, 3, 2], [0, -2, 0], [-3, 1, -3]],
+        [[0, -1, 1], [0, -1, 0], [-1, 0, 1], [1, 1, 1]],
+        F.TWO, S.POSITIVE_DIMENSIONAL, 4, [], 2,
+    ),
 }  # fmt: skip
 
 
@@ -260,6 +291,9 @@ def test_invalid_input_is_refused_by_the_name_of_the_line():
         LineSet.from_points_directions(np.zeros((2, 3)), [[1, 0, 0], [0, 0, 0]], ids=[3, 7])
     with pytest.raises(GeometryError, match="points"):
         LineSet.from_points_directions([[0, np.nan, 0]], [[1, 0, 0]])
+    points, directions = PAPER_FOUR
+    with pytest.raises(GeometryError, match="line 2: its moment is"):
+        singular_set(line_set((np.array(points) * [[1], [1e60], [1], [1]], directions)))
     found = singular_set(line_set(PAPER_FOUR))
     for wrong in ([0, 1], [0, 0, np.inf], "here"):
         with pytest.raises(GeometryError, match="camera_center"):
