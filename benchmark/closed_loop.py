@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
+import os
+import signal
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,18 +19,24 @@ from plsing_ros.experiments.config_files import config_file
 from plsing_ros.nodes.controller import Controller
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
 from plsing_ros.nodes.harness import Harness
+from plsing_ros.nodes.run import run_node
 from plsing_ros.nodes.singularity_monitor import SingularityMonitor
 
 FRAMES, FIRST_FRAMES = 1000, 50  # the first ones are not counted
-TIMEOUT = 60.0  # [s]
+TIMEOUT = 120.0  # [s]
+ROOT = Path(__file__).parents[1]
 PARAMETERS = config_file("paper_p4l.yaml")
+IN_LOCKSTEP = {"mode": "lockstep", "publish_clock": True, "start.position": experiment.STARTS[0].position.tolist()}
+APART = "in three processes"
+TOGETHER = "in one process"
 
 
 class TimedSimulator(FeatureSimulator):
-    """Notes when it publishes a frame for the first time."""
+    """Notes when it makes a step; stops its process after the last one."""
 
     def __init__(self, **options: Any) -> None:
         self.times: list[float] = []
+        self.ends_process = False
         super().__init__(**options)
 
     def _advance_in_lockstep(self) -> None:
@@ -36,69 +44,93 @@ class TimedSimulator(FeatureSimulator):
         super()._advance_in_lockstep()
         if self._simulation.frame().step != before:
             self.times.append(time.perf_counter())
+            if self.ends_process and self.is_done:
+                os.kill(os.getpid(), signal.SIGTERM)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether there are enough frames."""
+        return len(self.times) > FIRST_FRAMES + FRAMES
+
+    def milliseconds(self) -> list[float]:
+        """Return the times from one frame to the next [ms]."""
+        return (1e3 * np.diff(self.times[FIRST_FRAMES:])).tolist()
+
+
+class ReportingSimulator(TimedSimulator):
+    """Writes its times to standard output in the end."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.ends_process = True
+
+    def stop(self) -> None:
+        """Write them."""
+        print(*self.milliseconds(), flush=True)
+
+
+def run_reporting_simulator() -> int:
+    """Run the node."""
+    return run_node(ReportingSimulator, "simulator that reports its times", "")
 
 
 def main() -> None:
     """Measure and print."""
-    print(f"time from one frame to the next, {FRAMES} frames of Start 1 [ms]\n")
-    print(f"{'nodes':>30} {'executor':>10} {'median':>8} {'99 %':>8} {'steps/s':>8} {'CPU':>6}")
-    medians = {}
-    for apart, nodes in ((False, "in one process"), (True, "in three processes")):
+    print(f"time from one frame to the next, {FRAMES} frames of Start 1, three nodes [ms]\n")
+    print(f"{'':>20} {'executor':>10} {'median':>8} {'10 %':>8} {'99 %':>8} {'steps/s':>8}")
+    for where, measured in ((APART, _apart), (TOGETHER, _together)):
+        medians = {}
         for executor in ("events", "single"):
-            steps, busy = _measured(executor, apart)
-            medians[apart, executor] = statistics.median(steps)
+            steps = measured(executor)
+            medians[executor] = statistics.median(steps)
+            low, high = np.percentile(steps, [10, 99])
             print(
-                f"{nodes:>30} {executor:>10} {medians[apart, executor]:8.2f} {np.percentile(steps, 99):8.2f} "
-                f"{1e3 / medians[apart, executor]:8.0f} {busy:6.2f}",
+                f"{where:>20} {executor:>10} {medians[executor]:8.2f} {low:8.2f} {high:8.2f} "
+                f"{1e3 / medians[executor]:8.0f}",
                 flush=True,
             )
-    for apart, nodes in ((False, "in one process"), (True, "in three processes")):
-        print(f"\nsingle / events {nodes}: {medians[apart, 'single'] / medians[apart, 'events']:.1f}", end="")
-    print("\nCPU: of the simulator's process, ms for each step, all its threads")
+        print(f"{where:>20} single / events: {medians['single'] / medians['events']:.1f}\n")
 
 
-def _measured(executor: str, apart: bool) -> tuple[Sequence[float], float]:
-    """Return the times of all steps, and the processor time of this process for each [ms]."""
-    with Harness(executor, log_level="ERROR") as ros, _others(ros, executor, apart):
-        simulator = ros.add(
-            TimedSimulator,
-            PARAMETERS,
-            {
-                "mode": "lockstep",
-                "publish_clock": True,
-                "start.position": experiment.STARTS[0].position.tolist(),
-            },
-        )
-        ros.spin_until(lambda: len(simulator.times) >= FIRST_FRAMES, "the first frames", TIMEOUT)
-        del simulator.times[:-1]
-        before = time.process_time()
-        ros.spin_until(lambda: len(simulator.times) > FRAMES, "all frames", TIMEOUT)
-        return 1e3 * np.diff(simulator.times), 1e3 * (time.process_time() - before) / FRAMES
-
-
-@contextlib.contextmanager
-def _others(ros: Harness, executor: str, apart: bool) -> Iterator[None]:
-    """Run controller and monitor, in this process or in two of their own."""
-    if not apart:
+def _together(executor: str) -> Sequence[float]:
+    with Harness(executor, log_level="ERROR") as ros:
         for node in (SingularityMonitor, Controller):
             ros.add(node, PARAMETERS, {"use_sim_time": True})
-        yield
-        return
-    processes = [
-        subprocess.Popen(
-            [
-                *(sys.executable, "-c", f"from plsing_ros.nodes.{name} import main; raise SystemExit(main())"),
-                *("--executor", executor, "--ros-args", "--params-file", str(PARAMETERS), "-p", "use_sim_time:=true"),
-                *("--log-level", "ERROR"),
-            ],
-            env=ros.environment(),
-        )
-        for name in ("controller", "singularity_monitor")
-    ]
-    try:
-        yield
-    finally:
-        for process in processes:
-            process.terminate()
-        for process in processes:
-            process.wait(timeout=TIMEOUT)
+        simulator = ros.add(TimedSimulator, PARAMETERS, IN_LOCKSTEP)
+        ros.spin_until(lambda: simulator.is_done, "all frames", TIMEOUT)
+        return simulator.milliseconds()
+
+
+def _apart(executor: str) -> Sequence[float]:
+    # The harness only for its domain.
+    with Harness(executor, log_level="ERROR") as ros:
+        environment = ros.environment()
+        others = [
+            _process(f"plsing_ros.nodes.{name}", "main", executor, {"use_sim_time": True}, environment)
+            for name in ("controller", "singularity_monitor")
+        ]
+        try:
+            simulator = _process("benchmark.closed_loop", "run_reporting_simulator", executor, IN_LOCKSTEP, environment)
+            output, _ = simulator.communicate(timeout=TIMEOUT)
+        finally:
+            for process in others:
+                process.terminate()
+            for process in others:
+                process.communicate(timeout=TIMEOUT)
+        return [float(each) for each in output.split()]
+
+
+def _process(
+    module: str, function: str, executor: str, parameters: dict[str, Any], environment: dict[str, str]
+) -> subprocess.Popen[str]:
+    given = [each for name, value in parameters.items() for each in ("-p", f"{name}:={value}")]
+    return subprocess.Popen(
+        [
+            *(sys.executable, "-c", f"from {module} import {function}; raise SystemExit({function}())"),
+            *("--executor", executor, "--ros-args", "--log-level", "ERROR", "--params-file", str(PARAMETERS), *given),
+        ],
+        env=environment,
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+    )

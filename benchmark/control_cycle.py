@@ -1,47 +1,87 @@
-"""Our own code in one cycle: the controller's step and the monitor's assessment, beside a textbook control law."""
+"""One control step, features to twist with condition number, beside ViSP's and numpy's; and the monitor's cycle."""
 
 from __future__ import annotations
 
+import statistics
+from collections.abc import Callable
+
 import numpy as np
 
+from benchmark import visp
 from benchmark.timing import median_seconds
-from plsing_ros.features import LineObservation, interaction_matrix, project_lines
+from plsing_ros import kernels
+from plsing_ros.features import LineObservation, factorised, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters, MonitorParameters
 from plsing_ros.servoing.line_servo import LineServo
 from plsing_ros.servoing.singularity_monitor import SingularityMonitor
 
 NOW = 10**12
+GAIN = 0.1
 START = Pose(np.eye(3), np.array([0.2, -0.1, -6.0]))
 TARGET = Pose(np.eye(3), np.array([0.0, 0.0, -5.0]))
+ROUNDS = 8  # of all candidates in turns, so that a change of the machine's speed hits them alike
+OWN_NAMES = ("step", "core", "numpy", "monitor")
 
 
 def main() -> None:
     """Measure and print."""
-    print("median of one cycle [us]; textbook: projection, L and numpy's lstsq, without any check of the input\n")
-    print(f"{'lines':>6} {'controller':>11} {'textbook':>9} {'ratio':>6} {'monitor':>9}")
-    for n in (4, 5, 20, 100):
-        generator = np.random.default_rng(n)
-        lines = LineSet.from_points_directions(generator.normal(size=(n, 3)), generator.normal(size=(n, 3)))
-        scene = {"lines_points": lines.point.ravel(), "lines_directions": lines.direction.ravel()}
-        servo = LineServo(ControllerParameters(**scene, target_position=TARGET.translation))
-        monitor = SingularityMonitor(MonitorParameters(**scene))
-        monitor.receive_pose(START, NOW)
-        observation = LineObservation.of_lines(lines.transformed(START.inverse(), "camera"))
-        target = project_lines(lines.transformed(TARGET.inverse(), "camera"))
-        medians = median_seconds(
-            {
-                "controller": lambda: servo.step(observation, NOW, NOW),
-                "textbook": lambda: _textbook(observation.lines_camera, target),
-                "monitor": lambda: monitor.assess(observation, NOW, NOW),
-            }
-        )
-        microseconds = {name: 1e6 * value for name, value in medians.items()}
-        print(
-            f"{n:6d} {microseconds['controller']:11.0f} {microseconds['textbook']:9.0f} "
-            f"{medians['controller'] / medians['textbook']:6.2f} {microseconds['monitor']:9.0f}"
-        )
+    with visp.compiled() as peer:
+        print(f"ViSP: {peer if isinstance(peer, str) else f'{peer.version}, its own vpFeatureLine and vpServo, C++'}")
+        print(f"our inner loops: {'compiled' if kernels.COMPILED else 'numpy, not compiled'}\n")
+        print("median of one control step [us]")
+        print("  step:    LineServo.step, with all checks of its input and everything its state says")
+        print("  core:    L, its singular value decomposition, twist, inverse condition number")
+        print("  numpy:   projection, L by numpy, numpy.linalg.pinv, numpy.linalg.cond; no checks")
+        print("  monitor: one assessment\n")
+        columns = ("ViSP", "step", "core", "numpy", "monitor", "step/ViSP", "core/ViSP")
+        print(f"{'lines':>6}" + "".join(f" {each:>9}" for each in columns))
+        for n in (4, 5, 20, 100):
+            medians = _measured(n, peer)
+            shown = [f"{1e6 * medians[each]:.1f}" if each in medians else "" for each in columns[:5]]
+            if "ViSP" in medians:
+                shown += [f"{medians[each] / medians['ViSP']:.2f}" for each in ("step", "core")]
+            print(f"{n:6d}" + "".join(f" {each:>9}" for each in shown), flush=True)
 
 
-def _textbook(lines: LineSet, target: np.ndarray) -> np.ndarray:
-    return -0.1 * np.linalg.lstsq(interaction_matrix(lines), project_lines(lines) - target, rcond=None)[0]
+def _measured(n: int, peer: visp.Visp | str) -> dict[str, float]:
+    generator = np.random.default_rng(n)
+    lines = LineSet.from_points_directions(generator.normal(size=(n, 3)), generator.normal(size=(n, 3)))
+    own = _own(lines)
+    times: dict[str, list[float]] = {}
+    for _ in range(ROUNDS):
+        found = median_seconds(own, rounds=40)
+        if isinstance(peer, visp.Visp):
+            found["ViSP"], inverse = peer.step(lines, START, TARGET)
+            ours = factorised(interaction_matrix(lines.transformed(START.inverse(), "camera")))
+            assert np.isclose(inverse, ours.inverse_condition_number, rtol=1e-6), "not the same scene"
+        for name, value in found.items():
+            times.setdefault(name, []).append(value)
+    return {name: statistics.median(values) for name, values in times.items()}
+
+
+def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
+    scene = {"lines_points": tuple(lines.point.ravel()), "lines_directions": tuple(lines.direction.ravel())}
+    servo = LineServo(ControllerParameters(**scene, target_position=tuple(TARGET.translation), gain=GAIN))
+    monitor = SingularityMonitor(MonitorParameters(**scene))
+    monitor.receive_pose(START, NOW)
+    observation = LineObservation.of_lines(lines.transformed(START.inverse(), "camera"))
+    seen, image = observation.lines_camera, observation.image_lines.ravel()
+    target = project_lines(lines.transformed(TARGET.inverse(), "camera"))
+
+    def core() -> tuple[np.ndarray, float]:
+        factors = factorised(interaction_matrix(seen))
+        return -GAIN * factors.solve(image - target), factors.inverse_condition_number
+
+    def of_numpy() -> tuple[np.ndarray, float]:
+        matrix = np.empty((3 * len(seen), 6))
+        kernels.interaction_matrix_of_numpy(seen.direction, seen.moment, matrix, 1e-9)
+        return -GAIN * np.linalg.pinv(matrix) @ (project_lines(seen) - target), 1.0 / np.linalg.cond(matrix)
+
+    candidates = (
+        lambda: servo.step(observation, NOW, NOW),
+        core,
+        of_numpy,
+        lambda: monitor.assess(observation, NOW, NOW),
+    )
+    return dict(zip(OWN_NAMES, candidates, strict=True))

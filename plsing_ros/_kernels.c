@@ -3,7 +3,7 @@
  * kernels.py says what the functions do, and has twins of them made of numpy, which run where this file is not
  * compiled and which the tests compare it with. Arrays come and go through the buffer protocol, C-contiguous and
  * float64, so that nothing of numpy is needed to compile this; the caller answers for their shapes, and their lengths
- * are checked here. The singular value decomposition is LAPACK's, which SciPy exports to compiled code.
+ * are checked here.
  */
 
 #define PY_SSIZE_T_CLEAN
@@ -11,15 +11,13 @@
 #include <math.h>
 #include <string.h>
 
-typedef void dgesdd_type(char *, int *, int *, double *, int *, double *, double *, int *, double *, int *, double *,
-                         int *, int *, int *);
-static dgesdd_type *dgesdd;
-
-/* LAPACK's least is 186 for a matrix of six rows; this is enough for its blocked algorithms. */
-#define WORK 1024
 #define MOST_COLUMNS 6
 #define ROWS_ON_STACK 128
 #define MOST_ROWS 1000000
+#define MOST_SWEEPS 60
+/* Squares below this, of rows of a matrix whose largest element is about one, are as good as zero: far below rounding,
+ * far above where products of two of them underflow. */
+#define NOTHING 1e-60
 
 /* Return the number of rows of the first array, given its columns, or -1 with an exception set.
  *
@@ -191,6 +189,161 @@ static PyObject *interaction_matrix(PyObject *self, PyObject *const *args, Py_ss
     return PyBool_FromLong(good);
 }
 
+static double dot(const double *a, const double *b, Py_ssize_t n)
+{
+    double sums[4] = {0.0, 0.0, 0.0, 0.0};
+    Py_ssize_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int j = 0; j < 4; j++)
+            sums[j] += a[i + j] * b[i + j];
+    for (; i < n; i++)
+        sums[0] += a[i] * b[i];
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+}
+
+static void add(double *a, double factor, const double *b, Py_ssize_t n)
+{
+    for (Py_ssize_t i = 0; i < n; i++)
+        a[i] += factor * b[i];
+}
+
+/* (a, b) <- (c a - s b, s a + c b) */
+static void rotate(double *a, double *b, double c, double s, int n)
+{
+    for (int i = 0; i < n; i++) {
+        double x = a[i], y = b[i];
+        a[i] = c * x - s * y;
+        b[i] = s * x + c * y;
+    }
+}
+
+/* Overwrite the rows `x` of a matrix's transpose (k, m) by Householder vectors, whose factors are `beta`, and return
+ * the triangular factor of the matrix in `r` (k, k). */
+static void triangularise(double *x, Py_ssize_t m, int k, double *beta, double *r)
+{
+    for (int c = 0; c < k; c++) {
+        double *v = x + c * m + c;
+        Py_ssize_t length = m - c;
+        double square = dot(v, v, length), norm = sqrt(square);
+        /* A column that is as good as zero is left as it is. */
+        double diagonal = square < NOTHING ? v[0] : v[0] > 0.0 ? -norm : norm;
+        v[0] -= diagonal;
+        beta[c] = square < NOTHING ? 0.0 : -1.0 / (diagonal * v[0]);
+        r[c * k + c] = diagonal;
+        for (int j = c + 1; j < k; j++) {
+            double *column = x + j * m + c;
+            add(column, -beta[c] * dot(v, column, length), v, length);
+            r[c * k + j] = column[0];
+            r[j * k + c] = 0.0;
+        }
+    }
+}
+
+/* Rotate the rows of `r` (k, k) until they are orthogonal, and those of `w` alike; return whether that succeeded.
+ *
+ * One-sided Jacobi: it leaves no singular value with a larger error than the triangular factor itself has. */
+static int orthogonalise_rows(double *r, double *w, int k)
+{
+    for (int sweep = 0; sweep < MOST_SWEEPS; sweep++) {
+        int done = 1;
+        for (int p = 0; p < k - 1; p++)
+            for (int q = p + 1; q < k; q++) {
+                double *a = r + p * k, *b = r + q * k;
+                double aa = dot(a, a, k), bb = dot(b, b, k), ab = dot(a, b, k);
+                if (!(ab * ab > 1e-31 * aa * bb) || aa < NOTHING || bb < NOTHING)
+                    continue;
+                done = 0;
+                double zeta = (bb - aa) / (2.0 * ab);
+                double tangent = copysign(1.0, zeta) / (fabs(zeta) + hypot(1.0, zeta));
+                double cosine = 1.0 / sqrt(1.0 + tangent * tangent);
+                rotate(a, b, cosine, cosine * tangent, k);
+                rotate(w + p * k, w + q * k, cosine, cosine * tangent, k);
+            }
+        if (done)
+            return 1;
+    }
+    return 0;
+}
+
+/* Make row `which` of orthonormal rows `v` (k, k) a unit vector orthogonal to those before it. */
+static void complete(double *v, int which, int k)
+{
+    double *row = v + which * k, best = 0.0, candidate[MOST_COLUMNS];
+    for (int axis = 0; axis < k; axis++) {
+        memset(candidate, 0, sizeof candidate);
+        candidate[axis] = 1.0;
+        /* Twice, because the first time leaves rounding errors. */
+        for (int j = 0; j < 2 * which; j++) {
+            const double *other = v + (j % which) * k;
+            add(candidate, -dot(other, candidate, k), other, k);
+        }
+        double norm = sqrt(dot(candidate, candidate, k));
+        if (norm > best) {
+            best = norm;
+            for (int i = 0; i < k; i++)
+                row[i] = candidate[i] / norm;
+        }
+    }
+}
+
+/* Decompose `matrix` (m, k); `x` has room for as many numbers. Return whether it and its factors are finite.
+ *
+ * For six columns, LAPACK's dgesdd takes two to four times as long, most of it before the first multiplication. */
+static int decompose(const double *matrix, Py_ssize_t m, int k, double *x, double *left, double *values, double *right)
+{
+    double beta[MOST_COLUMNS], r[MOST_COLUMNS * MOST_COLUMNS], w[MOST_COLUMNS * MOST_COLUMNS] = {0.0};
+    double norms[MOST_COLUMNS], size = 0.0, not_finite = 0.0;
+    for (Py_ssize_t i = 0; i < m * k; i++) {
+        size = fmax(size, fabs(matrix[i]));
+        not_finite += 0.0 * matrix[i];
+    }
+    if (not_finite != 0.0)
+        return 0;
+    /* Squares neither over- nor underflow: the largest element becomes about one, without rounding. */
+    int exponent = 0;
+    frexp(size, &exponent);
+    exponent = exponent < -1000 ? -1000 : exponent;
+    double scale = ldexp(1.0, -exponent);
+    for (Py_ssize_t i = 0; i < m; i++)
+        for (int j = 0; j < k; j++)
+            x[j * m + i] = matrix[i * k + j] * scale;
+    triangularise(x, m, k, beta, r);
+    for (int j = 0; j < k; j++)
+        w[j * k + j] = 1.0;
+    if (!orthogonalise_rows(r, w, k))
+        return 0;
+    int order[MOST_COLUMNS];
+    for (int j = 0; j < k; j++) {
+        norms[j] = sqrt(dot(r + j * k, r + j * k, k));
+        int place = j;
+        for (; place > 0 && norms[order[place - 1]] < norms[j]; place--)
+            order[place] = order[place - 1];
+        order[place] = j;
+    }
+    for (int j = 0; j < k; j++) {
+        const double *row = r + order[j] * k, norm = norms[order[j]];
+        values[j] = ldexp(norm, exponent);
+        if (norm * norm < NOTHING)
+            complete(right, j, k);
+        else
+            for (int i = 0; i < k; i++)
+                right[j * k + i] = row[i] / norm;
+        for (Py_ssize_t i = 0; i < m; i++)
+            left[i * k + j] = i < k ? w[order[j] * k + i] : 0.0;
+    }
+    for (int c = k - 1; c >= 0; c--) {
+        const double *v = x + c * m;
+        double products[MOST_COLUMNS] = {0.0};
+        for (Py_ssize_t i = c; i < m; i++)
+            for (int j = 0; j < k; j++)
+                products[j] += v[i] * left[i * k + j];
+        for (Py_ssize_t i = c; i < m; i++)
+            for (int j = 0; j < k; j++)
+                left[i * k + j] -= beta[c] * v[i] * products[j];
+    }
+    return isfinite(values[0]);
+}
+
 static PyObject *svd(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Py_buffer buffers[4];
@@ -207,24 +360,15 @@ static PyObject *svd(PyObject *self, PyObject *const *args, Py_ssize_t count)
     Py_ssize_t rows = take(args, columns, 4, 3, buffers);
     if (rows < 0)
         return NULL;
-    const double *matrix = buffers[0].buf;
-    double on_stack[MOST_COLUMNS * ROWS_ON_STACK], work[WORK], not_finite = 0.0;
+    double on_stack[MOST_COLUMNS * ROWS_ON_STACK];
     size_t size = rows * width * sizeof(double);
-    double *copy = size <= sizeof on_stack ? on_stack : PyMem_RawMalloc(size);
-    int integers[8 * MOST_COLUMNS], m = (int)rows, length = WORK, info = -1;
-    /* LAPACK does not return from a matrix with infinite elements. */
-    for (Py_ssize_t i = 0; i < rows * width; i++)
-        not_finite += 0.0 * matrix[i];
-    if (copy && rows >= width && not_finite == 0.0) {
-        memcpy(copy, matrix, size);
-        /* Row after row, it is the transpose to Fortran, whose left singular vectors are our right ones. */
-        dgesdd("S", &width, &m, copy, &width, buffers[2].buf, buffers[3].buf, &width, buffers[1].buf, &width, work,
-               &length, integers, &info);
-    }
-    if (copy != on_stack)
-        PyMem_RawFree(copy);
+    double *room = size <= sizeof on_stack ? on_stack : PyMem_RawMalloc(size);
+    int good = room && rows >= width &&
+               decompose(buffers[0].buf, rows, width, room, buffers[1].buf, buffers[2].buf, buffers[3].buf);
+    if (room != on_stack)
+        PyMem_RawFree(room);
     release(buffers, 4);
-    return PyBool_FromLong(info == 0);
+    return PyBool_FromLong(good);
 }
 
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "See kernels.py."}
@@ -233,26 +377,7 @@ static PyMethodDef methods[] = {METHOD(are_lines),   METHOD(are_image_lines),   
                                 {NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {.m_base = PyModuleDef_HEAD_INIT, .m_name = "_kernels", .m_methods = methods};
 
-/* Return what scipy.linalg.cython_lapack exports, if its type, which names the capsule, is the one expected here. */
-static void *lapack(const char *function, const char *integer_type)
-{
-    PyObject *scipy = PyImport_ImportModule("scipy.linalg.cython_lapack");
-    PyObject *exported = scipy ? PyObject_GetAttrString(scipy, "__pyx_capi__") : NULL;
-    PyObject *capsule = exported ? PyMapping_GetItemString(exported, function) : NULL;
-    const char *name = capsule ? PyCapsule_GetName(capsule) : NULL;
-    void *address = name ? PyCapsule_GetPointer(capsule, name) : NULL;
-    if (address && strstr(name, integer_type) == NULL) {
-        PyErr_Format(PyExc_ImportError, "this SciPy's LAPACK has other integers: %s", name);
-        address = NULL;
-    }
-    Py_XDECREF(capsule);
-    Py_XDECREF(exported);
-    Py_XDECREF(scipy);
-    return address;
-}
-
 PyMODINIT_FUNC PyInit__kernels(void)
 {
-    dgesdd = (dgesdd_type *)lapack("dgesdd", "(char *, int *, int *, ");
-    return dgesdd ? PyModule_Create(&module) : NULL;
+    return PyModule_Create(&module);
 }

@@ -64,6 +64,29 @@ def test_the_smallest_singular_value_is_as_exact_as_rounding_of_the_matrix_allow
 
 
 @BOTH
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        np.zeros((9, 6)),
+        np.ones((9, 6)),
+        np.outer(np.arange(9.0), np.arange(6.0)),
+        np.diag([3.0, 0.0, 2.0, 0.0, 0.0, 1.0]),
+        np.eye(6) * 1e-300,
+        np.eye(6) * 1e300,
+        np.full((7, 6), 5e-324),
+        np.diag([1.0, 1e-160, 1e-200, 1.0, 1.0, 1.0]),
+    ],
+    ids=lambda matrix: f"{matrix[-1, -1]:g}",
+)
+def test_svd_of_matrices_without_full_rank_and_of_extreme_size(the, matrix):
+    left, values, right = decomposed(the, matrix)
+    np.testing.assert_allclose(left * values @ right, matrix, atol=1e-14 * values[0])
+    np.testing.assert_allclose(left.T @ left, np.eye(6), atol=1e-14)
+    np.testing.assert_allclose(right @ right.T, np.eye(6), atol=1e-14)
+    np.testing.assert_allclose(values, np.linalg.svd(matrix, compute_uv=False), atol=1e-14 * values[0])
+
+
+@BOTH
 @pytest.mark.parametrize("columns", [1, 3, 5])
 def test_svd_of_some_columns(the, columns):
     matrix = np.random.default_rng(columns).normal(size=(12, columns))
@@ -76,6 +99,11 @@ def test_svd_refuses_what_is_not_finite(the, value):
     matrix = np.ones((12, 6))
     matrix[7, 2] = value
     assert not the["svd"](matrix, np.empty((12, 6)), np.empty(6), np.empty((6, 6)))
+
+
+@BOTH
+def test_svd_refuses_what_overflows(the):
+    assert not the["svd"](np.full((7, 6), 1e308), np.empty((7, 6)), np.empty(6), np.empty((6, 6)))
 
 
 @BOTH

@@ -39,8 +39,13 @@ class Factorisation(NamedTuple):
             threshold: Singular values up to this times the largest are taken as zero.
         """
         s = self.singular_values
-        used = s > threshold * s[0]
-        solution: Array = np.divide(values @ self.left, s, out=np.zeros(len(s)), where=used) @ self.right
+        along = values @ self.left
+        if s[-1] > threshold * s[0]:
+            along /= s
+        else:
+            used = s > threshold * s[0]
+            along = np.divide(along, s, out=np.zeros(len(s)), where=used)
+        solution: Array = along @ self.right
         return solution
 
 

@@ -86,10 +86,10 @@ def run_node(
     gc.freeze()
     try:
         stopping = _stop_signals()
-        never: Future[None] = Future()
         while not stopping:
             # Not spin(): an idle EventsExecutor would keep Python from seeing the signal. Not spin_once(): it comes
-            # back after each event, which slows a fast loop down.
+            # back after each event, which slows a fast loop down. A new future each time: rclpy adds a callback to it.
+            never: Future[None] = Future()
             executor.spin_until_future_complete(never, timeout_sec=0.1)
     finally:
         # After a signal, and just as well when a callback has failed.
