@@ -24,7 +24,7 @@ _AS_FORESEEN = 0.02
 # Steps in one cycle: more than one until the preview is as far ahead as it is to be, then one keeps it there.
 _STEPS = 2
 # A speed that comes out of a leap counts this many times.
-_AFTER_LEAP = 2.0
+_AFTER_LEAP = 1.25
 _SHORTEST_STEP, _LONGEST_STEP = 10_000_000, _SECOND // 2  # [ns]
 
 
@@ -32,7 +32,7 @@ class Expected(NamedTuple):
     """The fastest motion ahead.
 
     Attributes:
-        speed: Linear speed [m/s], doubled after a leap across a singularity.
+        speed: Linear speed [m/s], a quarter more after a leap across a singularity.
         time: Until then [s].
     """
 
