@@ -9,6 +9,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Path
+from rclpy.publisher import Publisher
 from std_srvs.srv import SetBool
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityStatus
@@ -17,6 +18,7 @@ from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     controller_state_message,
+    features_message,
     header,
     nanoseconds,
     observation_from_message,
@@ -30,6 +32,7 @@ from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.command import Command, Mode
 from plsing_ros.servoing.detour import Plan
 from plsing_ros.servoing.line_servo import LineServo
+from plsing_ros.servoing.target import Target
 from plsing_ros.servoing.zero_twists import ZeroTwists
 
 _LEVELS = {
@@ -65,8 +68,13 @@ class Controller(ParameterizedNode[ControllerParameters]):
         self._twist = self.publish_on(TwistStamped, "cmd_twist", qos.COMMAND)
         self._state = self.publish_on(ControllerState, "~/state", qos.STATUS)
         self.listen_to(LineFeatureArray, "line_features", self._or_halt(self._on_features), qos.SENSOR_DATA)
+        # Where the target is a pose, the monitor learns from here where the task leads.
+        self._desired: Publisher | None = None
+        self._shown_target: Target | None = None
         if parameters.target_source == "topic":
             self.listen_to(LineFeatureArray, "desired_line_features", self._or_halt(self._on_desired), qos.LATCHED)
+        else:
+            self._desired = self.publish_on(LineFeatureArray, "desired_line_features", qos.LATCHED)
         if parameters.gate == "status":
             self.listen_to(SingularityStatus, "singularity_status", self._or_halt(self._on_status), qos.STATUS)
         self._way = self.publish_on(Path, "~/way", qos.LATCHED)
@@ -76,11 +84,13 @@ class Controller(ParameterizedNode[ControllerParameters]):
         self.create_service(CheckTarget, "~/check_target", self._or_halt(self._on_check_target))
         self.every(parameters.watchdog_period, self._or_halt(self._on_watchdog))
         self._report_warning()
+        self._show_target()
 
     def apply(self, parameters: ControllerParameters) -> None:
         """Use changed parameters from the next features on."""
         self._servo.parameters = parameters
         self._report_warning()
+        self._show_target()
 
     def stop(self) -> None:
         """Command zero twist."""
@@ -121,6 +131,13 @@ class Controller(ParameterizedNode[ControllerParameters]):
         except PlsingError as error:
             response.success, response.message = False, str(error)
             return response
+
+    def _show_target(self) -> None:
+        target = self._servo.target
+        if self._desired is not None and target is not None and target is not self._shown_target:
+            self._shown_target = target
+            head = header(self.now(), self.parameters.camera_frame)
+            self._desired.publish(features_message(target.observation, head))
 
     def _on_watchdog(self) -> None:
         command = self._servo.silence(self.now())

@@ -89,6 +89,11 @@ class LineServo:
         """The way that is followed, or was refused; None without one."""
         return None if self._cycle is None else self._cycle.plan
 
+    @property
+    def target(self) -> Target | None:
+        """Where it leads, or None if not known yet."""
+        return self._target
+
     def set_target(self, desired: LineObservation) -> None:
         """Use these image lines as s* from now on.
 

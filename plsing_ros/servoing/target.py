@@ -40,6 +40,7 @@ class Target:
     """Desired image lines, with their 3-D lines where known.
 
     Attributes:
+        observation: What the camera sees at the target.
         ids: Of the lines that have an image at the target.
         lines: Those lines in the camera frame at the target, or None if the source has image lines only.
     """
@@ -56,6 +57,7 @@ class Target:
                 f"{what}: only {len(ids)} usable line(s) ({list(ids)}) of {len(observation.ids)}; "
                 f"at least {MINIMUM_LINES} are needed"
             )
+        self.observation = observation
         self.ids = ids
         self._row = {i: row for row, i in enumerate(ids)}
         self._image = observation.usable_image_lines
