@@ -118,7 +118,7 @@ def run_all(tasks: list[Task], progress: Callable[[], object] = lambda: None) ->
             first = speed
         over = speed > BLOW_UP * first[rows]
         blew_up[rows[over]], frames[rows[over]], alive[rows[over]] = True, step + 1, False
-        t[rows] += np.einsum("kij,kj->ki", R[rows], _mean_rotations(twist[:, 3:] * TIME_STEP, twist[:, :3] * TIME_STEP))
+        t[rows] += np.einsum("kij,kj->ki", R[rows], mean_rotations(twist[:, 3:] * TIME_STEP, twist[:, :3] * TIME_STEP))
         R[rows] = R[rows] @ Rotation.from_rotvec(twist[:, 3:] * TIME_STEP).as_matrix()
         progress()
     return Runs(rotation, position, twists, frames, blew_up)
@@ -129,11 +129,7 @@ def _law(
 ) -> np.ndarray:
     u = direction @ R
     m = (moment - np.cross(t[:, np.newaxis], direction)) @ R
-    depth = np.hypot(m[:, :, 0], m[:, :, 1])[..., np.newaxis]
-    image = m / depth
-    in_plane = image * (1.0, 1.0, 0.0)
-    outer = (np.eye(3) - image[..., :, np.newaxis] * in_plane[..., np.newaxis, :]) / depth[..., np.newaxis]
-    matrix = outer @ np.concatenate([_skew(u), _skew(m)], axis=-1) * weight[..., np.newaxis, np.newaxis]
+    image, matrix = seen(u, m, weight)
     error = (image - desired) * weight[..., np.newaxis]
     k = len(R)
     twist: np.ndarray = -GAIN * np.einsum(
@@ -142,7 +138,16 @@ def _law(
     return twist
 
 
-def _mean_rotations(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
+def seen(u: np.ndarray, m: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return image lines (k, m, 3) and L (k, m, 3, 6) of lines (u, m) in the camera frame, zero without weight."""
+    depth = np.hypot(m[:, :, 0], m[:, :, 1])[..., np.newaxis]
+    image = m / depth
+    in_plane = image * (1.0, 1.0, 0.0)
+    outer = (np.eye(3) - image[..., :, np.newaxis] * in_plane[..., np.newaxis, :]) / depth[..., np.newaxis]
+    return image, outer @ np.concatenate([_skew(u), _skew(m)], axis=-1) * weight[..., np.newaxis, np.newaxis]
+
+
+def mean_rotations(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
     """Return how far (k, 3) a shift goes while the frame turns, both as constant rates over one unit of time."""
     angle = np.linalg.norm(turn, axis=1, keepdims=True)
     safe = np.maximum(angle, 1e-4)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from strategies import numbers, poses, vectors
@@ -11,6 +11,7 @@ from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import Pose
 from plsing_ros.servoing.camera_path import CameraPath, SpeedLimits
 
+few = settings(max_examples=30)
 shares = st.floats(0.02, 0.98)
 limits = st.builds(SpeedLimits, numbers(0.01, 2.0), numbers(0.01, 2.0), numbers(0.1, 5.0))
 
@@ -27,6 +28,7 @@ def between(one, other):
     return np.concatenate([one.rotation.T @ (other.translation - one.translation), turn])
 
 
+@few
 @given(way=ways())
 def test_it_goes_from_start_to_goal(way):
     for pose, end in ((way.pose(0.0), way.start), (way.pose(way.duration), way.goal)):
@@ -42,6 +44,7 @@ def test_it_goes_from_start_to_goal(way):
     assert not way.twist(way.duration).any()
 
 
+@few
 @given(way=ways(), share=shares)
 def test_the_twist_is_the_central_difference_of_the_pose(way, share):
     assume(way.duration > 0.0)
@@ -51,6 +54,7 @@ def test_the_twist_is_the_central_difference_of_the_pose(way, share):
     np.testing.assert_allclose(way.twist(time), difference, atol=1e-5)
 
 
+@few
 @given(way=ways(), speed=limits, share=st.floats(0.0, 1.0))
 def test_it_keeps_the_speed_limits_and_starts_and_stops_gently(way, speed, share):
     way = CameraPath(way.start, way.goal, speed, np.mean([way.start.translation, way.goal.translation], axis=0) + 1.0)
@@ -61,6 +65,7 @@ def test_it_keeps_the_speed_limits_and_starts_and_stops_gently(way, speed, share
     assert np.linalg.norm(twist[3:]) <= speed.angular * min(1.0, ramp) * (1.0 + 1e-9) + 1e-12
 
 
+@few
 @given(way=ways(), share=st.floats(0.0, 1.0))
 def test_the_twist_is_continuous(way, share):
     assume(way.duration > 0.0)
@@ -69,6 +74,7 @@ def test_the_twist_is_continuous(way, share):
     assert np.abs(change).max() <= 1e-6
 
 
+@few
 @given(start=poses(), goal=poses(), share=st.floats(0.0, 1.0))
 def test_without_corners_it_is_straight_and_turns_the_shortest_way(start, goal, share):
     way = CameraPath(start, goal, SpeedLimits())
@@ -100,6 +106,7 @@ def test_a_tilt_is_full_half_way():
     )
 
 
+@few
 @given(pose=poses())
 def test_a_goal_that_is_the_start_is_reached_at_once(pose):
     way = CameraPath(pose, Pose(pose.rotation, pose.translation), SpeedLimits())
@@ -108,6 +115,7 @@ def test_a_goal_that_is_the_start_is_reached_at_once(pose):
     assert not way.twist(1.0).any()
 
 
+@few
 @given(way=ways(), count=st.integers(2, 20))
 def test_sampled_poses_begin_at_the_start_and_end_at_the_goal(way, count):
     sampled = way.sampled(count)

@@ -87,7 +87,7 @@ def tasks(draw):
     return lines, Pose.looking_at(start, (0.0, 0.0, 0.0), down), Pose.looking_at(goal, (0.1, 0.2, 0.0), down)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25)
 @given(task=tasks())
 def test_ways_are_clear_or_refused(task):
     lines, start, goal = task
@@ -103,7 +103,7 @@ def test_ways_are_clear_or_refused(task):
     assert apart.max() <= 1.2 * apart[0] + 1e-9
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15)
 @given(across=directions(), side=st.floats(0.0, 6.28), before=numbers(0.1, 1.0), after=numbers(0.1, 1.0))
 def test_a_way_across_a_transversal_leads_round_it(across, side, before, after):
     """Start and goal on opposite sides of L_M, wherever and however far: the straight way meets it."""
@@ -170,7 +170,7 @@ def test_a_scene_that_is_singular_everywhere_is_refused():
 THREE = singular_set(FOUND.lines.select([0, 1, 2]))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(first=vectors(3, -3.0, 3.0), shift=vectors(3, -1.0, 1.0))
 def test_surfaces_are_crossed_only_between_a_start_and_a_goal_on_different_sides(first, shift):
     centers = np.array([first + (0.0, 0.0, 6.0), first + shift + (0.0, 0.0, 6.0)])

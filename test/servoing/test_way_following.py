@@ -11,6 +11,7 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.servoing.camera_path import CameraPath, SpeedLimits
 from plsing_ros.servoing.way_following import WayFollower
 
+few = settings(max_examples=30)
 LIMITS = SpeedLimits(0.1, 0.2, 1.0)
 
 
@@ -31,6 +32,7 @@ def image_line(line_point, line_direction, pose):
     return normal / np.hypot(normal[0], normal[1])
 
 
+@few
 @given(follower=followers(), share=st.floats(0.0, 1.2))
 def test_desired_features_are_what_is_seen_on_the_way(follower, share):
     follower.advance(share * follower.path.duration)
@@ -43,6 +45,7 @@ def test_desired_features_are_what_is_seen_on_the_way(follower, share):
         np.testing.assert_allclose(desired, image_line(lines.point[row], lines.direction[row], pose), atol=1e-6)
 
 
+@few
 @given(follower=followers(), share=st.floats(0.05, 0.9), cycle=st.floats(1e-4, 1e-1))
 def test_the_feedforward_is_the_motion_in_the_middle_of_the_coming_cycle(follower, share, cycle):
     path, step = follower.path, 1e-5
@@ -56,7 +59,7 @@ def test_the_feedforward_is_the_motion_in_the_middle_of_the_coming_cycle(followe
     np.testing.assert_allclose(follower.reference().feedforward, motion, atol=1e-5)
 
 
-@settings(max_examples=50)
+@few
 @given(follower=followers(), share=st.floats(0.05, 0.9))
 def test_features_move_as_the_feedforward_says(follower, share):
     path, step = follower.path, 1e-5
@@ -89,6 +92,7 @@ def test_the_feedforward_alone_leads_to_the_goal(follower):
     assert np.linalg.norm(pose.translation - path.goal.translation) < 3e-3
 
 
+@few
 @given(follower=followers())
 def test_it_waits_and_never_goes_back(follower):
     follower.advance(0.3 * follower.path.duration)
