@@ -1,4 +1,4 @@
-"""Run benchmarks: all, or those named."""
+"""Run benchmarks: all of speed, or those named."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# Studies of behaviour rather than speed, of many minutes each: only when named.
+STUDIES = ("alert_quality", "laws", "pose_quality")
 NAMES = sorted(file.stem for file in Path(__file__).parent.glob("*.py") if "\ndef main() -> None:" in file.read_text())
 
 
@@ -28,12 +30,17 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         prog="benchmark",
         description="Measure the speed of plsing_ros beside that of others, in one run.",
-        epilog="examples:\n  make bench\n  make bench ARGS=control_cycle",
+        epilog="examples:\n  make bench\n  make bench ARGS=control_cycle\n  make bench ARGS=laws",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which (default: all): {', '.join(NAMES)}")
+    parser.add_argument(
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help=f"which (default: all but the studies of many minutes, {', '.join(STUDIES)}): {', '.join(NAMES)}",
+    )
     options = parser.parse_args()
     unknown = sorted(set(options.names) - set(NAMES))
     if unknown:
         parser.error(f"no benchmark '{unknown[0]}'; there are {', '.join(NAMES)}")
-    run(options.names or NAMES)
+    run(options.names or [name for name in NAMES if name not in STUDIES])

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from plsing_ros.arrays import Array
+from plsing_ros.arrays import Array, BoolArray
+from plsing_ros.experiments.paper_scenes import five_lines, four_lines
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters
@@ -22,11 +22,6 @@ SEEDS = (1, 2, 3, 4, 5)
 # Half the size of a leaf, eq. quadrifolium [m].
 _SIZE = 0.3
 
-# eq. param, param_l4 and param_l5 with eq. params and sims_5lines_params; the fifth line meets the transversal L_M.
-_D7 = 128893236 / 7630285 - 24 * math.sqrt(8508173023861) / 7630285
-_POINTS = np.array([[0, 0, 0], [0, 0, 2], [3, 5, 0], [0, 1, 7], [-4, 0, _D7]], dtype=float)
-_DIRECTIONS = np.array([[1, 0, 0], [4, -5, 0], [3, 7, 3], [-2, 1, 13], [-11, 6, _D7]], dtype=float)
-
 
 @dataclass(frozen=True)
 class Experiment:
@@ -35,7 +30,7 @@ class Experiment:
     Attributes:
         name: For titles.
         center: Of the quadrifolium [m].
-        lines: How many of the paper's lines are seen.
+        lines: How many are seen: the paper's four, or those and a fifth that meets the transversal L_M.
         noise: Standard deviation on each Plücker coordinate of the lines in the scene's frame.
         turned: Whether the pattern is turned by 90 degrees about the Y axis.
     """
@@ -49,7 +44,7 @@ class Experiment:
     @property
     def scene(self) -> LineSet:
         """The observed lines."""
-        return LineSet.from_points_directions(_POINTS[: self.lines], _DIRECTIONS[: self.lines])
+        return four_lines() if self.lines == 4 else five_lines()
 
     def poses(self, samples: int = SAMPLES) -> list[Pose]:
         """Return T_world_camera at evenly spaced s in [0, 2 pi], eq. quadrifolium.
@@ -100,12 +95,15 @@ class PoseErrors:
     first_rotation: Array
     refined_translation: Array
     refined_rotation: Array
-    verdict: np.ndarray[Any, np.dtype[np.int_]]
+    verdict: npt.NDArray[np.int_]
 
-    def summary(self, translation: Array, chosen: np.ndarray[Any, np.dtype[np.bool_]] | None = None) -> Array:
-        """Return median, 95 % quantile and maximum of errors, shape (3,), over all samples or those chosen."""
-        values = translation.ravel() if chosen is None else translation[chosen]
-        return np.quantile(values, [0.5, 0.95, 1.0]) if len(values) else np.full(3, np.nan)
+    def summary(self, errors: Array, chosen: BoolArray | None = None) -> Array:
+        """Return median, 95 % quantile and maximum of errors over all samples or those chosen, shape (3,).
+
+        Of none, shape (0,).
+        """
+        values = errors.ravel() if chosen is None else errors[chosen]
+        return np.asarray(np.quantile(values, [0.5, 0.95, 1.0])) if len(values) else np.zeros(0)
 
 
 def noisy_scene(lines: LineSet, noise: float, generator: np.random.Generator) -> LineSet:
@@ -155,9 +153,18 @@ def run(
                 errors[:2, k, i] = pose_error(pose, estimate.first_estimate)
                 errors[2:, k, i] = pose_error(pose, estimate.T_world_camera)
             progress()
-    s = np.linspace(0.0, 2.0 * np.pi, samples)
-    centers = np.array([pose.translation for pose in poses])
-    return PoseErrors(experiment, s, centers, first_center, refined_center, *errors, verdict)
+    return PoseErrors(
+        experiment=experiment,
+        parameter=np.asarray(np.linspace(0.0, 2.0 * np.pi, samples)),
+        true_center=np.array([pose.translation for pose in poses]),
+        first_center=first_center,
+        refined_center=refined_center,
+        first_translation=errors[0],
+        first_rotation=errors[1],
+        refined_translation=errors[2],
+        refined_rotation=errors[3],
+        verdict=verdict,
+    )
 
 
 def pose_error(true: Pose, estimated: Pose) -> tuple[float, float]:

@@ -116,7 +116,7 @@ class EstimationParameters(ParameterSet):
         1e-3,
         "ambiguous.plausibility",
         "AMBIGUOUS when another pose is at least this plausible against the best one, as a ratio of likelihoods",
-        minimum=1e-12,
+        minimum=1e-6,
         maximum=1.0,
     )
 

@@ -66,9 +66,12 @@ class PoseEstimator:
         image = ImageResiduals(
             scene.lines.direction, scene.lines.moment, image_lines, self._noise, self.settings.largest_angle
         )
-        found = [each for each in self._hypotheses(scene, image, image_lines, last) if scene.near(each.center)]
-        if not found:
+        everywhere = self._hypotheses(scene, image, image_lines, last)
+        if not everywhere:
             return failed_estimate("no pose was found: the lines or their images are degenerate")
+        found = [each for each in everywhere if scene.near(each.center)]
+        if not found:
+            return failed_estimate("the image is explained best from infinitely far: the distance is not determined")
         best = self._preferred(found, last)
         spread = uncertainty(image, best.rotation, best.translation, best.residuals, best.weight)
         if spread is None:
@@ -92,7 +95,7 @@ class PoseEstimator:
         found = all_lines_hypotheses(image, rotation, translation, self._costs)
         if image.count < 5 or (found and (self._costs.of_lines(found[0].residuals) <= self._costs.outlier).all()):
             return found
-        own = scene.triplets.candidates(image_lines, all_lines=False)
+        own = scene.all_triplets.candidates(image_lines, all_lines=False)
         rotation, translation = np.concatenate([rotation, own[0]]), np.concatenate([translation, own[1]])
         return outlier_hypotheses(image, rotation, translation, self._costs) or found
 
@@ -111,10 +114,9 @@ class PoseEstimator:
         pose = Pose(best.rotation.T, best.center)
         others: list[Hypothesis] = []
         for each in found:
-            if each is best:
+            if each.plausibility(best) < settings.least_plausibility:
                 continue
-            plausible = each.plausibility(best) >= settings.least_plausibility
-            if plausible and self._differs(best, each, spread) and not any(_same(each, other) for other in others):
+            if not any(_same(each, other) for other in (best, *others)) and self._differs(best, each, spread):
                 others.append(each)
         alternatives = tuple(
             Alternative(Pose(each.rotation.T, each.center), each.plausibility(best)) for each in others

@@ -17,14 +17,15 @@ _MOST_COMPARED = 24
 # First estimates that differ by less than this are taken for the same one with different noise.
 _SAME_ROTATION = 0.03  # [rad]
 # Refined are those whose cost exceeds the best one's by less than this, in squared standard deviations.
-_FAR = 1e6
+_FAR = 1e4
 # Iterations, and by how much the cost may then still exceed the best one's.
 _STAGES = ((3, _FAR), (8, 1e3), (40, 1e3))
 # A pose is given up that would be less likely than the best one by exp(-30 / 2) even if its cost fell by three times
 # what its last step promised.
 _OPTIMISM = 3.0
 _IMPLAUSIBLE = 30.0
-_OUTLIER_STAGES = (6, 3, 6, 40)
+# Rounds of refining and choosing the lines anew, and iterations in each.
+_OUTLIER_ROUNDS, _OUTLIER_ITERATIONS = 8, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +76,16 @@ class Costs:
     outlier: float
     reversal: float
 
-    def of_lines(self, residuals: Residuals) -> Array:
-        """Return the cost of each line as an inlier, without its covariance's share, shape (k, n)."""
-        cost: Array = residuals.squared + self.reversal * residuals.reversed + self.outlier * ~residuals.visible
+    def of_lines(self, residuals: Residuals, weight: Array | None = None) -> Array:
+        """Return the cost of each line as an inlier, without its covariance's share, shape (k, n).
+
+        Args:
+            residuals: At k poses.
+            weight: If given, 0 for lines that the poses do not rest on, shape (k, n): for those, the residual is
+                compared with its own noise and that of the pose.
+        """
+        squared = residuals.squared if weight is None else _predicted_squared(residuals, weight)
+        cost: Array = squared + self.reversal * residuals.reversed + self.outlier * ~residuals.visible
         return cost
 
     def of_image(self, residuals: Residuals) -> Array:
@@ -125,19 +133,41 @@ def outlier_hypotheses(image: ImageResiduals, rotation: Array, translation: Arra
     rotation, translation = rotation[chosen], translation[chosen]
     start = (rotation, translation)
     weight = (np.argsort(np.argsort(each[chosen], axis=1), axis=1) < enough).astype(float)
-    for iterations in _OUTLIER_STAGES:
-        refined = refine(image, rotation, translation, iterations, weight)
-        rotation, translation = refined.rotation, refined.translation
-        fits: BoolArray = costs.of_lines(refined.residuals) <= costs.outlier
-        if iterations != _OUTLIER_STAGES[-1]:
-            # Never fewer than enough, so that a first estimate may still come nearer.
-            rank = np.argsort(np.argsort(costs.of_lines(refined.residuals), axis=1), axis=1)
-            weight = (fits | (rank < enough)).astype(float)
+    for _ in range(_OUTLIER_ROUNDS):
+        refined = refine(image, rotation, translation, _OUTLIER_ITERATIONS, weight)
+        before, cost_of_each = weight, costs.of_lines(refined.residuals, weight)
+        fits: BoolArray = cost_of_each <= costs.outlier
+        # Never fewer than enough, so that a first estimate may still come nearer, as long as there is no better one.
+        rank = np.argsort(np.argsort(cost_of_each, axis=1), axis=1)
+        weight = (fits | (rank < enough)).astype(float)
+        agreed = fits.sum(axis=1) >= enough
+        kept = agreed if agreed.any() else np.ones(len(agreed), dtype=bool)
+        rotation, translation, weight = refined.rotation[kept], refined.translation[kept], weight[kept]
+        start = (start[0][kept], start[1][kept])
+        if (weight == before[kept]).all():
+            break
+    refined = refine(image, rotation, translation, _STAGES[-1][0], weight)
+    fits = costs.of_lines(refined.residuals) <= costs.outlier
     weight = weight * fits
     each = np.where(weight > 0.0, costs.of_lines(refined.residuals), costs.outlier)
     cost = (each + refined.residuals.log_determinant).sum(axis=1)
-    kept = np.flatnonzero(weight.sum(axis=1) >= enough)
-    return _sorted(refined, kept, weight, cost, (start[0][kept], start[1][kept]))
+    agreeing = np.flatnonzero(weight.sum(axis=1) >= enough)
+    return _sorted(refined, agreeing, weight, cost, (start[0][agreeing], start[1][agreeing]))
+
+
+def _predicted_squared(residuals: Residuals, weight: Array) -> Array:
+    """Return squared Mahalanobis distances (k, n), with the pose's covariance for lines that it does not rest on."""
+    k, n = weight.shape
+    jacobian = residuals.jacobian
+    used = (jacobian * weight[:, np.newaxis, np.newaxis]).reshape(k, 6, 2 * n)
+    normal = used @ used.transpose(0, 2, 1)
+    scale = np.sqrt(np.einsum("kii->ki", normal) + 1e-300)
+    normal = normal / (scale[:, :, np.newaxis] * scale[:, np.newaxis]) + 1e-12 * np.eye(6)
+    scaled = jacobian / scale[:, :, np.newaxis, np.newaxis]
+    spread = np.linalg.solve(normal, scaled.reshape(k, 6, 2 * n)).reshape(k, 6, 2, n)
+    covariance = np.einsum("kian,kibn->knab", scaled, spread) * (weight == 0.0)[..., np.newaxis, np.newaxis] + np.eye(2)
+    value = residuals.value.transpose(0, 2, 1)[..., np.newaxis]
+    return np.asarray((value * np.linalg.solve(covariance, value)).sum(axis=(2, 3)))
 
 
 def _different(rotation: Array, cost: Array, most: int) -> npt.NDArray[np.intp]:

@@ -14,6 +14,8 @@ from plsing_ros.singularities import Kind, LocusDistance, SingularSet, singular_
 
 # Poses further from the lines than this, in sizes of the scene, are no poses.
 _FURTHEST = 1e6
+# Triplets that are tried first: enough if all lines agree.
+_FEW = 10
 
 
 class SeenScene:
@@ -29,9 +31,15 @@ class SeenScene:
 
     def __init__(self, lines: LineSet, settings: EstimationParameters) -> None:
         self.lines = lines
-        self.triplets = SceneTriplets(lines, settings.most_triplets, settings.backend)
+        self._settings = settings
+        self.triplets = SceneTriplets(lines, min(_FEW, settings.most_triplets), settings.backend)
         offset = lines.point - self.triplets.center
         self._furthest = _FURTHEST * max(1.0, float(np.abs(offset).max()))
+
+    @cached_property
+    def all_triplets(self) -> SceneTriplets:
+        """As many triplets as the settings allow: among them are some without wrong matches."""
+        return SceneTriplets(self.lines, self._settings.most_triplets, self._settings.backend)
 
     @cached_property
     def singular(self) -> SingularSet:
