@@ -21,7 +21,7 @@ from plsing_ros.servoing.levels import Level
 from plsing_ros.singularities import SingularSet
 
 _ALERT_MARKS = {Level.WARN: ("^", "tab:orange"), Level.CRITICAL: ("v", "tab:red")}
-_RUN_COLORS = ("tab:blue", "tab:red", "tab:green", "tab:purple")
+RUN_COLORS = ("tab:blue", "tab:red", "tab:green", "tab:purple")
 
 
 def save_figures(records: Sequence[RunRecord], found: SingularSet, folder: Path) -> list[Path]:
@@ -37,7 +37,7 @@ def save_figures(records: Sequence[RunRecord], found: SingularSet, folder: Path)
     """
     files = []
     drawings: dict[str, Callable[[Any], None]] = {
-        "trajectories": lambda figure: _draw_trajectories(figure, records, found),
+        "trajectories": lambda figure: draw_trajectories(figure, records, found),
         "inverse_condition_number": lambda figure: _draw_condition(figure, records),
         "error_norm": lambda figure: _draw_errors(figure, records),
         "twists": lambda figure: _draw_twists(figure, records),
@@ -52,8 +52,9 @@ def save_figures(records: Sequence[RunRecord], found: SingularSet, folder: Path)
     return files
 
 
-def _draw_trajectories(figure: Any, records: Sequence[RunRecord], found: SingularSet) -> None:
-    target = records[0].target
+def draw_trajectories(figure: Any, records: Sequence[RunRecord], found: SingularSet) -> None:
+    """Draw runs to one target in two views: with the whole scene, and near the target."""
+    target = np.atleast_2d(records[0].target)[-1]
     everything = np.vstack([record.position for record in records])
     scene = np.vstack([found.lines.point, everything])
     close = np.vstack([[record.position[0] for record in records], target[np.newaxis]])
@@ -63,16 +64,16 @@ def _draw_trajectories(figure: Any, records: Sequence[RunRecord], found: Singula
     )
     for column, (title, center, radius) in enumerate(views):
         axes = figure.add_subplot(1, 2, column + 1, projection="3d")
-        _draw_lines(
+        draw_lines(
             axes, found.lines.point, found.lines.direction, center, radius, color="black", label="observed lines"
         )
         if found.transversals:
             points = np.array([each.point for each in found.transversals])
             directions = np.array([each.direction for each in found.transversals])
-            _draw_lines(
+            draw_lines(
                 axes, points, directions, center, radius, color="tab:orange", linestyle="--", label="transversals"
             )
-        for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
+        for record, color in zip(records, RUN_COLORS * len(records), strict=False):
             path = np.where(
                 np.abs(record.position - center).max(axis=1, keepdims=True) <= radius, record.position, np.nan
             )
@@ -94,7 +95,8 @@ def _draw_trajectories(figure: Any, records: Sequence[RunRecord], found: Singula
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
 
 
-def _draw_lines(axes: Any, points: Array, directions: Array, center: Array, radius: float, **style: Any) -> None:
+def draw_lines(axes: Any, points: Array, directions: Array, center: Array, radius: float, **style: Any) -> None:
+    """Draw the parts of lines that are in a ball; style is that of plot, with a label."""
     label = style.pop("label")
     for segment in segments_in_ball(points, directions, center, radius):
         axes.plot(*segment.T, linewidth=1.2, label=label, **style)
@@ -104,7 +106,7 @@ def _draw_lines(axes: Any, points: Array, directions: Array, center: Array, radi
 def _draw_condition(figure: Any, records: Sequence[RunRecord]) -> None:
     axes = figure.subplots()
     axes.set_yscale("log")
-    for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
+    for record, color in zip(records, RUN_COLORS * len(records), strict=False):
         for alert in record.alerts:
             if alert.level in _ALERT_MARKS:
                 marker, mark_color = _ALERT_MARKS[alert.level]
@@ -112,21 +114,22 @@ def _draw_condition(figure: Any, records: Sequence[RunRecord]) -> None:
                 axes.plot(alert.time, value, marker, color=mark_color, markersize=9, markeredgecolor=color)
     for level, (marker, mark_color) in _ALERT_MARKS.items():
         axes.plot([], [], marker, color=mark_color, label=f"alert {level.name}")
-    _draw_over_time(axes, records, "inverse condition number", lambda record: record.inverse_condition_number)
+    draw_over_time(axes, records, "inverse condition number", lambda record: record.inverse_condition_number)
 
 
 def _draw_errors(figure: Any, records: Sequence[RunRecord]) -> None:
     axes = figure.subplots()
     axes.set_yscale("log")
-    _draw_over_time(axes, records, "error norm |s - s*|", lambda record: record.error_norm)
+    draw_over_time(axes, records, "error norm |s - s*|", lambda record: record.error_norm)
 
 
 def _draw_distances(figure: Any, records: Sequence[RunRecord]) -> None:
-    _draw_over_time(figure.subplots(), records, "distance to target [m]", lambda record: record.distance)
+    draw_over_time(figure.subplots(), records, "distance to target [m]", lambda record: record.distance)
 
 
-def _draw_over_time(axes: Any, records: Sequence[RunRecord], label: str, values: Callable[[RunRecord], Array]) -> None:
-    for record, color in zip(records, _RUN_COLORS * len(records), strict=False):
+def draw_over_time(axes: Any, records: Sequence[RunRecord], label: str, values: Callable[[RunRecord], Array]) -> None:
+    """Draw a number of each run over time."""
+    for record, color in zip(records, RUN_COLORS * len(records), strict=False):
         axes.plot(record.time, values(record), color=color, label=record.name)
     axes.set_xlabel("time [s]")
     axes.set_ylabel(label)

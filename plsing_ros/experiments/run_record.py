@@ -30,9 +30,10 @@ class RunRecord:
         twist: Commanded (v, omega) in the optical frame, shape (k, 6) [m/s, rad/s].
         error_norm: |s - s*|, shape (k,).
         inverse_condition_number: Raw, shape (k,).
-        target: Camera centre at the target, shape (3,) [m].
+        target: Camera centre at the target, shape (3,), or where it should be at each time, shape (k, 3) [m].
         arrived: Whether the run ended at the target.
         alerts: Changes of level, the initial level included.
+        ended: Why the run ended, in words, or empty.
     """
 
     name: str
@@ -44,6 +45,7 @@ class RunRecord:
     target: Array
     arrived: bool
     alerts: tuple[Alert, ...]
+    ended: str = ""
 
     @property
     def distance(self) -> Array:

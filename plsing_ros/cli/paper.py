@@ -1,0 +1,144 @@
+"""Command paper: run every experiment of the paper and write the page that compares."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from plsing_ros.errors import PlsingError
+from plsing_ros.experiments.claims import claims_of
+from plsing_ros.experiments.paper_document import PaperResults, document, runs_agree
+from plsing_ros.experiments.paper_figures import save_figure, save_paper_figures
+from plsing_ros.experiments.paper_maps import save_maps
+from plsing_ros.experiments.paper_scenes import four_lines, three_lines
+from plsing_ros.experiments.paper_tasks import paper_tasks
+from plsing_ros.experiments.pose_claims import draw_pose_errors
+from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS
+from plsing_ros.experiments.run_record import RunRecord
+from plsing_ros.experiments.scene_page import save_scene_page
+from plsing_ros.experiments.servo_task import ServoTask
+from plsing_ros.experiments.variants import PLAIN, all_variants, run_pose_experiments, run_variants
+from plsing_ros.nodes.task_loop import run_in_nodes
+from plsing_ros.singularities import singular_set
+
+_EPILOG = """examples:
+  paper                          everything: docs/paper.md, docs/figures/paper/, paper_output/scene.html
+  paper --only trajectories      one group of runs, without choices and laws, to look at
+  paper --docs /tmp/docs         write the page somewhere else"""
+
+_GROUPS = tuple(paper_tasks())
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the experiments; return the exit code."""
+    parser = argparse.ArgumentParser(
+        description="Run every experiment of the paper, in the core and through the real nodes, and write a page with "
+        "figures, the paper's statements, what we measure, and whether they hold.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of paper.md and figures/ (%(default)s)")
+    parser.add_argument(
+        "--output", type=Path, default=Path("paper_output"), help="folder of the interactive page (%(default)s)"
+    )
+    parser.add_argument("--only", nargs="+", choices=_GROUPS, help="only these groups of runs, plain, in the core")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="processes for the runs in the core (%(default)s)"
+    )
+    options = parser.parse_args(argv)
+    try:
+        if options.jobs < 1:
+            raise PlsingError(f"--jobs is {options.jobs}; at least 1 process is needed")
+        agreed = _run(options)
+    except PlsingError as error:
+        print(f"paper: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\npaper: interrupted", file=sys.stderr)
+        return 130
+    return 0 if agreed else 1
+
+
+def _run(options: argparse.Namespace) -> bool:
+    figures = options.docs / "figures" / "paper"
+    for folder in (figures, options.output):
+        _make_folder(folder)
+    tasks = {group: each for group, each in paper_tasks().items() if options.only is None or group in options.only}
+    complete = options.only is None
+    variants = all_variants(tasks) if complete else {PLAIN: tasks}
+    in_nodes = tasks if complete else {}
+    total = sum(len(each) for variant in (*variants.values(), in_nodes) for each in variant.values())
+    total += len(EXPERIMENTS) if complete else 0
+    with tqdm(total=total, unit="run", file=sys.stdout, desc="runs in the core") as bar:
+        records = run_variants(variants, options.jobs, bar.update)
+        bar.set_description("pose estimation ")
+        pose_errors = run_pose_experiments(options.jobs, bar.update) if complete else []
+        bar.set_description("runs in nodes   ")
+        node_records = {group: [_in_nodes(task, bar.update) for task in each] for group, each in in_nodes.items()}
+    plain = records[PLAIN]
+    claims = claims_of(plain)
+    scene = singular_set(four_lines())
+    files = save_paper_figures(plain, {group: singular_set(tasks[group][0].lines) for group in tasks}, figures)
+    if complete:
+        files["map"] = [save_maps(figures, plain)]
+        files["pose"] = [save_figure(draw_pose_errors(pose_errors), figures / "pose.png")]
+    results = PaperResults(
+        plain,
+        node_records,
+        {variant.key: of for variant, of in records.items() if variant.kind == "law"},
+        claims,
+        {
+            "plain": claims,
+            **{variant.key: claims_of(of) for variant, of in records.items() if variant.kind == "choice"},
+        },
+        pose_errors,
+        files,
+    )
+    page = options.docs / "paper.md"
+    page.write_text(document(results, options.docs), encoding="utf-8")
+    paths = [(f"{group}: {run.name}", run.position) for group, each in plain.items() for run in each]
+    scene_page = save_scene_page(
+        options.output / "scene.html", "The paper's four lines", scene, singular_set(three_lines()).surfaces, paths
+    )
+    return _report(results, page, scene_page)
+
+
+def _in_nodes(task: ServoTask, on_run: Callable[[], object]) -> RunRecord:
+    record = run_in_nodes(task)
+    on_run()
+    return record
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder before the long part, so that nothing is lost."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise PlsingError(f"cannot write to {folder}: {error}; choose another --docs or --output") from None
+
+
+def _report(results: PaperResults, page: Path, scene_page: Path) -> bool:
+    """Print what does not hold, and return whether core and nodes agree."""
+    claims = [(group, claim) for group, each in results.claims.items() for claim in each]
+    print(f"{sum(claim.holds for _, claim in claims)} of {len(claims)} statements hold.")
+    for group, claim in claims:
+        if not claim.holds:
+            print(f"  does not hold, {group}: {claim.statement}: {claim.measured}")
+    agree = [
+        runs_agree(core, nodes)
+        for group, each in results.node_records.items()
+        for core, nodes in zip(results.records[group], each, strict=True)
+    ]
+    if agree:
+        print(f"{sum(agree)} of {len(agree)} runs agree between core and nodes.")
+    print(f"page: {page}\ninteractive page: {scene_page}")
+    return all(agree)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,103 @@
+"""All variants of the paper's runs, and many runs at once."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, TypeVar
+
+from plsing_ros.experiments import pose_quadrifolium
+from plsing_ros.experiments.core_run import run_in_core
+from plsing_ros.experiments.pose_quadrifolium import PoseErrors
+from plsing_ros.experiments.run_record import RunRecord
+from plsing_ros.experiments.sensitivity import CHOICES, shortened
+from plsing_ros.experiments.servo_task import ServoTask
+
+_T = TypeVar("_T")
+_R = TypeVar("_R")
+
+Groups = Mapping[str, tuple[ServoTask, ...]]
+
+# A moving goal is up to 0.19 m/s fast, more than the guarded law's own limit.
+SPEED_LIMIT_ON_PATHS = 0.3  # [m/s]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to run all tasks.
+
+    Attributes:
+        kind: "plain", "choice" or "law".
+        key: Of the choice or law.
+    """
+
+    kind: str
+    key: str = ""
+
+
+PLAIN = Variant("plain")
+
+
+def all_variants(tasks: Groups) -> dict[Variant, Groups]:
+    """Return the tasks by group for the plain runs, for each other choice, and for each other law."""
+    variants: dict[Variant, Groups] = {PLAIN: tasks}
+    for choice in CHOICES:
+        variants[Variant("choice", choice.key)] = {
+            group: tuple(choice.change(shortened(task)) for task in each) for group, each in tasks.items()
+        }
+    for law in ("guarded", "detour"):
+        variants[Variant("law", law)] = {
+            group: tuple(replace(task, law=_law_values(law, task)) for task in each)
+            for group, each in tasks.items()
+            # A detour leads to a goal that stands still.
+            if law != "detour" or not each[0].moving
+        }
+    return variants
+
+
+def _law_values(law: str, task: ServoTask) -> Mapping[str, Any]:
+    return {"law": law, "max_linear_speed": SPEED_LIMIT_ON_PATHS} if task.moving else {"law": law}
+
+
+def run_pose_experiments(jobs: int = 1, on_run: Callable[[], object] = lambda: None) -> list[PoseErrors]:
+    """Run all experiments on pose estimation, with one seed each, in so many processes; on_run as in run_variants."""
+    results = []
+    for errors in _mapped(partial(pose_quadrifolium.run, seeds=(1,)), pose_quadrifolium.EXPERIMENTS, jobs):
+        results.append(errors)
+        on_run()
+    return results
+
+
+def run_variants(
+    variants: Mapping[Variant, Groups], jobs: int = 1, on_run: Callable[[], object] = lambda: None
+) -> dict[Variant, dict[str, list[RunRecord]]]:
+    """Run all tasks of all variants in the core.
+
+    Args:
+        variants: Tasks by variant and group.
+        jobs: Processes.
+        on_run: Called after each run.
+
+    Returns:
+        Records by variant and group, in the order of the tasks.
+    """
+    wanted = [(variant, group, task) for variant, of in variants.items() for group in of for task in of[group]]
+    records: dict[Variant, dict[str, list[RunRecord]]] = {}
+    for (variant, group, _), record in zip(
+        wanted, _mapped(run_in_core, [each[2] for each in wanted], jobs), strict=True
+    ):
+        records.setdefault(variant, {}).setdefault(group, []).append(record)
+        on_run()
+    return records
+
+
+def _mapped(function: Callable[[_T], _R], values: Sequence[_T], jobs: int) -> Iterator[_R]:
+    if jobs == 1:
+        yield from map(function, values)
+        return
+    # Not forked: the parent may have threads of the middleware.
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        yield from pool.map(function, values)
