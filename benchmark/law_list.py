@@ -15,10 +15,11 @@ class Law:
 
     Attributes:
         name: For tables.
-        inverse: "pinv", "dls", "adaptive_dls" or "guarded".
-        interaction: Which L is inverted: "current", "desired" or "mean".
+        inverse: "pinv", "dls", "adaptive_dls", "guarded" or "image_and_pose".
+        interaction: Which L is inverted: "current", "desired" (on a way that is followed: there) or "mean".
         threshold: Of pinv.
         damping: Of dls; onset and largest_damping: of adaptive_dls and guarded.
+        pose_onset: Of image_and_pose.
         limits: Of |v| [m/s] and |omega| [rad/s], one factor for both.
         follows: Whether a planned way is followed.
     """
@@ -33,6 +34,7 @@ class Law:
     guard_margin: float = 0.15
     guard_floor: float = 0.2
     guard_lost_share: float = 1.0
+    pose_onset: float = 0.05
     limits: tuple[float, float] = (np.inf, np.inf)
     follows: bool = False
 
@@ -49,6 +51,7 @@ class Law:
             "guard.margin": self.guard_margin,
             "guard.floor": self.guard_floor,
             "guard.lost_share": self.guard_lost_share,
+            "detour.pose_onset": self.pose_onset,
             "max_linear_speed": 0.0 if np.isinf(self.limits[0]) else self.limits[0],
             "max_angular_speed": 0.0 if np.isinf(self.limits[1]) else self.limits[1],
             "gain": GAIN,
@@ -67,11 +70,13 @@ LAWS = (
     Law("dls", "dls"),
     Law("adaptive_dls", "adaptive_dls"),
     Law("guarded", "guarded", "mean", limits=LIMITS),
-    Law("detour", "adaptive_dls", limits=LIMITS, follows=True),
+    Law("detour", "image_and_pose", "desired", limits=LIMITS, follows=True),
 )
 
 
-def feedback(law: Law, parts: tuple[np.ndarray, ...], error: np.ndarray, reference: np.ndarray) -> np.ndarray:
+def feedback(
+    law: Law, parts: tuple[np.ndarray, ...], error: np.ndarray, reference: np.ndarray, away: np.ndarray
+) -> np.ndarray:
     """Return the twists of a law before guard and limits, shape (k, 6).
 
     Args:
@@ -79,6 +84,7 @@ def feedback(law: Law, parts: tuple[np.ndarray, ...], error: np.ndarray, referen
         parts: Singular value decompositions of the matrices to invert.
         error: s - s*, shape (k, 3m).
         reference: Smallest singular values at the targets, shape (k,).
+        away: Twists that lead from where the cameras should be to where they are in unit time, shape (k, 6).
     """
     left, values, right = parts
     kept = values > law.threshold * values[:, :1]
@@ -90,6 +96,10 @@ def feedback(law: Law, parts: tuple[np.ndarray, ...], error: np.ndarray, referen
         square = (1.0 - np.minimum(values / onset, 1.0) ** 2) * (law.largest_damping * reference[:, np.newaxis]) ** 2
         factors = np.where(kept, values / np.maximum(values**2 + square, 1e-300), 0.0)
     amplitude = -GAIN * factors * np.einsum("kij,ki->kj", left, error)
+    if law.inverse == "image_and_pose":
+        image_share = kept * values**2 / (values**2 + law.pose_onset**2)
+        by_pose = -GAIN * np.einsum("kij,kj->ki", right, away)
+        amplitude = image_share * amplitude + (1.0 - image_share) * by_pose
     if law.inverse == "guarded":
         health = _smooth(values / onset)
         lost = health < 1.0

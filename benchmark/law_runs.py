@@ -157,15 +157,17 @@ def run(
         if len(rows) == 0:
             break
         image, L = seen(u[rows], m[rows], batch.weight[rows])
-        desired, feedforward = goal_image[rows], np.zeros((len(rows), 6))
+        desired, desired_L = goal_image[rows], goal_L[rows]
+        feedforward, away = np.zeros((2, len(rows), 6))
         if ways is not None:
-            desired, feedforward = ways.reference(rows, R, t)
+            desired, desired_L, feedforward, R_asked, t_asked = ways.reference(rows, R, t)
+            away = _displacement(R_asked, t_asked, *_placed(batch, rows, u[rows], m[rows]))
         error = ((image - desired) * batch.weight[rows, :, np.newaxis]).reshape(len(rows), -1)
-        inverted = goal_L[rows] if law.interaction == "desired" else L
+        inverted = desired_L if law.interaction == "desired" else L
         if law.interaction == "mean":
-            inverted = 0.5 * (L + _turned(goal_L[rows], goal_image[rows], image))
+            inverted = 0.5 * (L + _turned(desired_L, desired, image))
         parts = np.linalg.svd(inverted.reshape(len(rows), -1, 6), full_matrices=False)
-        twist = feedforward + feedback(law, parts, error, reference[rows])
+        twist = feedforward + feedback(law, parts, error, reference[rows], away)
         if law.inverse == "guarded":
             loci = batch.locus_point[rows] - t[rows, np.newaxis], batch.locus_direction[rows]
             velocity = np.einsum("kij,kj->ki", R[rows], twist[:, :3])
@@ -205,6 +207,25 @@ def _turned(L: np.ndarray, image: np.ndarray, to: np.ndarray) -> np.ndarray:
     return turned
 
 
+def _placed(batch: Batch, rows: np.ndarray, u: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return R and t of the cameras that see 3-D lines (u, m): Kabsch's rotation, then least squares."""
+    scene_u, weight = batch.direction[rows], batch.weight[rows]
+    left, _, right = np.linalg.svd(np.einsum("kn,kni,knj->kij", weight, scene_u, u))
+    left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, np.newaxis]
+    R = left @ right
+    arm = batch.moment[rows] - m @ np.swapaxes(R, 1, 2)
+    outer = np.einsum("kn,kni,knj->kij", weight, scene_u, scene_u)
+    normal = weight.sum(axis=1)[:, np.newaxis, np.newaxis] * np.eye(3) - outer
+    pull = np.einsum("kn,kni->ki", weight, np.cross(scene_u, arm))
+    return R, np.linalg.solve(normal, pull[..., np.newaxis])[..., 0]
+
+
+def _displacement(R_asked: np.ndarray, t_asked: np.ndarray, R: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Return the twists that lead from poses asked for to those of the cameras in unit time, in the camera frames."""
+    shift = np.einsum("kji,kj->ki", R, t - t_asked)
+    return np.concatenate([shift, Rotation.from_matrix(np.swapaxes(R_asked, 1, 2) @ R).as_rotvec()], axis=1)
+
+
 class _Ways:
     """Ways followed by a batch, planned anew for a camera that is elsewhere."""
 
@@ -223,8 +244,8 @@ class _Ways:
         self._time[rows] += seconds
         self._cycle[rows] = seconds
 
-    def reference(self, rows: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return desired image lines and feed-forward; where a plan is refused, those of standing still."""
+    def reference(self, rows: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return desired image lines, L there, feed-forward, R and t; where a plan is refused, those of standing still."""
         batch = self._batch
         for row in rows[np.linalg.norm((t - self._expected)[rows], axis=1) > REPLAN_DISTANCE]:
             self._paths[row] = self._planned(row, R[row], t[row])
@@ -240,7 +261,7 @@ class _Ways:
                 self._expected[row] = pose.translation
         u = batch.direction[rows] @ asked_R
         m = (batch.moment[rows] - np.cross(asked_t[:, np.newaxis], batch.direction[rows])) @ asked_R
-        return seen(u, m, batch.weight[rows])[0], twists
+        return *seen(u, m, batch.weight[rows]), twists, asked_R, asked_t
 
 
 def _thin_loci(found: SingularSet) -> tuple[np.ndarray, np.ndarray]:

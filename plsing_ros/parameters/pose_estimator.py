@@ -158,10 +158,26 @@ class PoseEstimatorParameters(EstimationParameters, SceneParameters):
     last_pose_timeout: float = parameter(
         1.0,
         "last_pose_timeout",
-        "How long a pose with verdict OK is used as a start for the next ones",
+        "How long a pose that is OK or POOR is used as a start for the next ones",
         unit="s",
         minimum=0.0,
         maximum=60.0,
+    )
+    most_linear_speed: float = parameter(
+        1.0,
+        "motion.linear_speed",
+        "The camera moves no faster than this: poses that it cannot have reached since the last one are ruled out",
+        unit="m/s",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    most_angular_speed: float = parameter(
+        2.0,
+        "motion.angular_speed",
+        "The camera turns no faster than this, likewise",
+        unit="rad/s",
+        minimum=0.0,
+        maximum=1e6,
     )
     watchdog_period: float = parameter(
         0.05,

@@ -45,13 +45,17 @@ class PoseEstimator:
         if len(lines) >= 3:
             self._scene(lines.ids)
 
-    def estimate(self, observation: LineObservation, last: Pose | None = None) -> PoseEstimate:
+    def estimate(
+        self, observation: LineObservation, last: Pose | None = None, reach: tuple[float, float] | None = None
+    ) -> PoseEstimate:
         """Return what one image says about the camera pose.
 
         Args:
             observation: Image lines with ids; 3-D lines in it are not used.
             last: T_world_camera of a moment ago, if known: one more first estimate, and the choice between poses that
                 are about as plausible.
+            reach: How far [m] and by which angle [rad] the camera can be from there. Poses further away are left out, as
+                long as one is within reach: what the image leaves open, the motion decides.
 
         Raises:
             ObservationError: If a line is not in the scene.
@@ -72,6 +76,8 @@ class PoseEstimator:
         found = [each for each in everywhere if scene.near(each.center)]
         if not found:
             return failed_estimate("the image is explained best from infinitely far: the distance is not determined")
+        if last is not None and reach is not None:
+            found = [each for each in found if _within(each, last, *reach)] or found
         best = self._preferred(found, last)
         spread = uncertainty(image, best.rotation, best.translation, best.residuals, best.weight)
         if spread is None:
@@ -172,6 +178,11 @@ def _with_last(rotation: Array, translation: Array, last: Pose | None) -> tuple[
         np.concatenate([rotation, inverse.rotation[np.newaxis]]),
         np.concatenate([translation, inverse.translation[np.newaxis]]),
     )
+
+
+def _within(hypothesis: Hypothesis, last: Pose, distance: float, angle: float) -> bool:
+    turn = Rotation.from_matrix(hypothesis.rotation @ last.rotation).magnitude()
+    return bool(np.linalg.norm(hypothesis.center - last.translation) <= distance and turn <= angle)
 
 
 def _same(first: Hypothesis, second: Hypothesis) -> bool:

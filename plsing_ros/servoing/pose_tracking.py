@@ -12,6 +12,8 @@ from plsing_ros.pose import PoseEstimate, PoseEstimator, Verdict, completed_obse
 from plsing_ros.servoing.freshness import Freshness
 
 _SECOND = 1_000_000_000
+# Standard deviations that the last pose may be off by.
+_DEVIATIONS = 3.0
 _LINES_VERDICTS = {
     Verdict.OK: LinesVerdict.OK,
     Verdict.POOR: LinesVerdict.POOR,
@@ -47,7 +49,7 @@ class PoseTracking:
     @parameters.setter
     def parameters(self, parameters: PoseEstimatorParameters) -> None:
         self._estimator = PoseEstimator(parameters.lines(), parameters)
-        self._last: tuple[int, Pose] | None = None
+        self._last: tuple[int, PoseEstimate] | None = None
         self._freshness.timeout = parameters.features_timeout
         self._freshness.future_tolerance = parameters.future_tolerance
         self._parameters = parameters
@@ -66,12 +68,12 @@ class PoseTracking:
         refusal = self._freshness.refusal(stamp, now)
         if refusal is not None:
             return TrackedPose(failed_estimate(refusal), None)
-        estimate = self._estimator.estimate(observation, self._last_pose(stamp))
+        estimate = self._estimator.estimate(observation, *self._last_pose(stamp))
         if estimate.T_world_camera is None:
             self._freshness.note_problem(estimate.reason)
             return TrackedPose(estimate, None)
-        if estimate.verdict is Verdict.OK:
-            self._last = (stamp, estimate.T_world_camera)
+        if estimate.verdict is not Verdict.AMBIGUOUS:
+            self._last = (stamp, estimate)
         completed = completed_observation(self._estimator.lines, estimate, observation)
         verdict = _LINES_VERDICTS[estimate.verdict]
         return TrackedPose(estimate, dataclasses.replace(completed, verdict=verdict, verdict_reason=estimate.reason))
@@ -86,8 +88,15 @@ class PoseTracking:
         reason = self._freshness.silence(now)
         return None if reason is None else TrackedPose(failed_estimate(reason), None)
 
-    def _last_pose(self, stamp: int) -> Pose | None:
+    def _last_pose(self, stamp: int) -> tuple[Pose | None, tuple[float, float]]:
+        """Return the last pose if it is recent enough, and how far the camera can be from there [m, rad]."""
         if self._last is None:
-            return None
+            return None, (0.0, 0.0)
         seconds = (stamp - self._last[0]) / _SECOND
-        return self._last[1] if 0.0 <= seconds <= self._parameters.last_pose_timeout else None
+        if not 0.0 <= seconds <= self._parameters.last_pose_timeout:
+            return None, (0.0, 0.0)
+        last = self._last[1]
+        return last.T_world_camera, (
+            self._parameters.most_linear_speed * seconds + _DEVIATIONS * last.position_deviation,
+            self._parameters.most_angular_speed * seconds + _DEVIATIONS * last.rotation_deviation,
+        )

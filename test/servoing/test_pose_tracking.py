@@ -90,3 +90,30 @@ def test_a_scene_changed_while_running_is_used_at_the_next_image():
     tracking.parameters = dataclasses.replace(tracking.parameters, lines_points=tuple(moved.ravel()))
     tracked = tracking.track(seen_from(CALM), SECOND + 1, SECOND + 1)
     assert tracked.estimate.T_world_camera.translation == pytest.approx(CALM.translation + [1.0, 0.0, 0.0], abs=1e-8)
+
+
+def without_line(number, observation):
+    return dataclasses.replace(observation, usable=np.array([i != number for i in observation.ids]))
+
+
+def test_what_three_lines_leave_open_the_motion_decides():
+    """Three lines have several poses; a camera that was seen a moment ago can be at one of them only."""
+    three = without_line(4, seen_from(CALM))
+    at_once = PoseTracking(parameters()).track(three, SECOND, SECOND)
+    assert at_once.estimate.verdict is Verdict.AMBIGUOUS
+    tracking = PoseTracking(parameters())
+    tracking.track(seen_from(CALM), SECOND, SECOND)
+    soon = SECOND + SECOND // 25
+    tracked = tracking.track(three, soon, soon)
+    assert tracked.estimate.verdict is not Verdict.AMBIGUOUS
+    assert tracked.estimate.alternatives == ()
+    assert tracked.estimate.T_world_camera.translation == pytest.approx(CALM.translation, abs=1e-8)
+
+
+def test_a_camera_that_has_jumped_is_not_held_at_its_last_place():
+    far = Pose.looking_at([-4.0, 3.0, 2.0], [0.0, 0.0, 3.0], down=[0.0, 0.0, -1.0])
+    tracking = PoseTracking(parameters())
+    tracking.track(seen_from(CALM), SECOND, SECOND)
+    soon = SECOND + SECOND // 25
+    tracked = tracking.track(seen_from(far), soon, soon)
+    assert tracked.estimate.T_world_camera.translation == pytest.approx(far.translation, abs=1e-8)
