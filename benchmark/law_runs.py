@@ -245,7 +245,7 @@ class _Ways:
         self._cycle[rows] = seconds
 
     def reference(self, rows: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return desired image lines, L there, feed-forward, R and t; where a plan is refused, those of standing still."""
+        """Return desired image lines, L, feed-forward, R and t; where a plan is refused, those of standing still."""
         batch = self._batch
         for row in rows[np.linalg.norm((t - self._expected)[rows], axis=1) > REPLAN_DISTANCE]:
             self._paths[row] = self._planned(row, R[row], t[row])

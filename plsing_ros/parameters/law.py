@@ -35,7 +35,7 @@ class LawParameters(TaskParameters):
         "auto",
         "interaction",
         "The L that is inverted: at the current features, at the desired ones (then constant), or the mean of both; "
-        "auto: mean for guarded where L at the target is known, else current",
+        "auto: mean for guarded, desired for detour (there: on the way), where L at the target is known, else current",
         choices=("auto", "current", "desired", "mean"),
     )
     gain: float = parameter(
@@ -98,14 +98,14 @@ class LawParameters(TaskParameters):
     onset: float = parameter(
         0.5,
         "onset",
-        f"adaptive_dls, guarded, detour: a singular value below this is taken as nearly lost, {_RELATIVE}",
+        f"adaptive_dls, guarded: a singular value below this is taken as nearly lost, {_RELATIVE}",
         minimum=1e-6,
         maximum=1.0,
     )
     largest_damping: float = parameter(
         0.5,
         "largest_damping",
-        f"adaptive_dls, detour: damping of a singular value that is zero, {_RELATIVE}",
+        f"adaptive_dls: damping of a singular value that is zero, {_RELATIVE}",
         minimum=0.0,
         maximum=1000.0,
     )
@@ -152,6 +152,14 @@ class LawParameters(TaskParameters):
         "detour: a new way is planned when the camera is farther than this from where it should be",
         unit="m",
         minimum=1e-3,
+        maximum=1000.0,
+    )
+    detour_pose_onset: float = parameter(
+        0.05,
+        "detour.pose_onset",
+        "detour: motions with this singular value of L are led half by the image and half by the pose from the 3-D "
+        "lines, those with a smaller one more by the pose; 0: by the image alone",
+        minimum=0.0,
         maximum=1000.0,
     )
     max_linear_speed: float = parameter(

@@ -54,8 +54,8 @@ class PoseEstimator:
             observation: Image lines with ids; 3-D lines in it are not used.
             last: T_world_camera of a moment ago, if known: one more first estimate, and the choice between poses that
                 are about as plausible.
-            reach: How far [m] and by which angle [rad] the camera can be from there. Poses further away are left out, as
-                long as one is within reach: what the image leaves open, the motion decides.
+            reach: How far [m] and by which angle [rad] the camera can be from there. Poses further away are left out,
+                as long as one is within reach: what the image leaves open, the motion decides.
 
         Raises:
             ObservationError: If a line is not in the scene.

@@ -83,31 +83,39 @@ class LawCycle:
             with np.errstate(over="ignore", invalid="ignore"):
                 if self.parameters.law == "detour":
                     return self._along_the_way(lines, image, trust, stamp)
-                return self._servo(lines, image, None, trust, stamp)
+                return self._servo(lines, image, None, None, trust, stamp)
         except np.linalg.LinAlgError as problem:
             raise ObservationError(f"the interaction matrix cannot be decomposed: {problem}") from None
 
     def _along_the_way(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
         if self._way is None:
             raise ObservationError("law = detour needs the scene (lines.*) and a target with 3-D lines that fit it")
-        reference = self._way.reference(self.parameters, lines, stamp, self._factor)
-        if reference is None:
+        found = self._way.reference(self.parameters, lines, stamp, self._factor)
+        if found is None:
             self._factor = 0.0
             return Command(Mode.REFUSED, "" if self.plan is None else self.plan.reason)
-        rows = [row for row, i in enumerate(lines.ids) if i in reference.desired]
+        reference, pose = found
+        rows = [row for row, i in enumerate(lines.ids) if i in reference.target]
         if len(rows) < MINIMUM_LINES:
             raise ObservationError(f"only {len(rows)} line(s) have an image both here and on the way")
-        return self._servo(lines.select(rows), image.reshape(-1, 3)[rows].ravel(), reference, trust, stamp)
+        there = image.reshape(-1, 3)[rows].ravel()
+        return self._servo(lines.select(rows), there, reference, reference.displacement(pose), trust, stamp)
 
-    def _servo(self, lines: LineSet, image: Array, reference: Reference | None, trust: float, stamp: int) -> Command:
+    def _servo(
+        self,
+        lines: LineSet,
+        image: Array,
+        reference: Reference | None,
+        displacement: Array | None,
+        trust: float,
+        stamp: int,
+    ) -> Command:
         parameters = self.parameters
-        view = self._target.view(lines.ids, parameters.columns)
-        if reference is None:
-            error = image - view.image
-        else:
-            error = image - np.concatenate([reference.desired[i] for i in lines.ids])
+        target = self._target if reference is None else reference.target
+        view = target.view(lines.ids, parameters.columns)
+        error = image - view.image
         integral = self._integrated(error, lines.ids, stamp)
-        asked = law_twist(parameters, interaction_matrix(lines), image, error, integral, view)
+        asked = law_twist(parameters, interaction_matrix(lines), image, error, integral, view, displacement)
         wanted = asked.twist if reference is None else asked.twist + parameters.selected(reference.feedforward)
         if not math.isfinite(sum(wanted.tolist())):
             self._factor = 0.0

@@ -36,6 +36,22 @@ def dls_factors(values: Array, threshold: float, damping: float | Array) -> Arra
     return factors
 
 
+def pose_shares(values: Array, factors: Array) -> Array:
+    """Return the share of the pose in each singular direction: what the image leaves, 1 - sigma f, shape (m,).
+
+    With the factors of dls and a damping mu, the twist is then the minimum over tau of
+    |L tau + lambda e|^2 + mu^2 |tau + lambda xi|^2: damped towards the word of the pose, xi, and not towards rest.
+
+    Args:
+        values: Singular values, shape (m,).
+        factors: What the image is multiplied with, shape (m,).
+
+    Source: new, docs/laws.md.
+    """
+    shares: Array = 1.0 - values * factors
+    return shares
+
+
 def adaptive_damping(values: Array, onset: float, largest: float) -> Array:
     """Return the damping of each singular value: zero from the onset on, growing to the largest where sigma is zero.
 

@@ -18,6 +18,7 @@ from plsing_ros.servoing.laws import (
     limited_amplitudes,
     null_space_part,
     pinv_factors,
+    pose_shares,
     smooth_step,
 )
 from plsing_ros.servoing.mean_interaction import mean_interaction
@@ -27,6 +28,8 @@ from plsing_ros.servoing.target import TargetView
 # one they refer to when it is.
 _REFERENCE = 1e-4
 _LEAST_REFERENCE = 1e-6
+# Which L is inverted with interaction = auto, where it is known at the target; else the current one.
+_AUTO = {"guarded": "mean", "detour": "desired"}
 # What the guard always leaves to a nearly lost motion, times h / (1 - h), as a share of the speed limit.
 _CREEP = 0.01
 
@@ -57,6 +60,7 @@ def law_twist(
     error: Array,
     integral: Array | None,
     view: TargetView,
+    displacement: Array | None = None,
 ) -> LawTwist:
     """Return the twist of the law in force.
 
@@ -64,9 +68,11 @@ def law_twist(
         parameters: The law and its options.
         interaction: L at the current features, shape (3n, 6).
         image: s, shape (3n,).
-        error: s - s*, shape (3n,); with a way to follow, s* is not that of the view.
+        error: s - s*, shape (3n,).
         integral: To be added to the error, shape (3n,), or None.
-        view: The target seen through the same lines and degrees of freedom.
+        view: The target, or where the way is, seen through the same lines and degrees of freedom.
+        displacement: Of the camera from there by the pose, as a twist over unit time, shape (6,): what law = detour
+            holds to along motions that the image does not show.
 
     Raises:
         ObservationError: If the law needs L at the target, which is not known.
@@ -87,10 +93,15 @@ def law_twist(
     if parameters.law == "dls":
         damping = parameters.damping * reference
         factors = dls_factors(values, parameters.pinv_threshold, damping)
-    elif parameters.law in ("adaptive_dls", "detour"):
+    elif parameters.law == "adaptive_dls":
         each = adaptive_damping(values, onset, parameters.largest_damping * reference)
         factors, damping = dls_factors(values, parameters.pinv_threshold, each), float(each[-1])
+    elif parameters.law == "detour":
+        damping = parameters.detour_pose_onset
+        factors = dls_factors(values, parameters.pinv_threshold, damping)
     amplitudes = -gain * (factors * ((error if integral is None else error + integral) @ left))
+    if displacement is not None:
+        amplitudes -= gain * pose_shares(values, factors) * (right @ displacement[list(columns)])
     health = 1.0
     if parameters.law == "guarded":
         least = _CREEP * parameters.speed_limits[0]
@@ -111,7 +122,7 @@ def law_twist(
 def _inverted(parameters: ControllerParameters, current: Array, image: Array, view: TargetView) -> Array:
     which = parameters.interaction
     if which == "auto":
-        which = "mean" if parameters.law == "guarded" and view.interaction is not None else "current"
+        which = _AUTO.get(parameters.law, "current") if view.interaction is not None else "current"
     if which == "current":
         return current
     if view.interaction is None:

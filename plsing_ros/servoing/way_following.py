@@ -4,28 +4,44 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from plsing_ros.arrays import Array
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.servoing.camera_path import CameraPath
+from plsing_ros.servoing.target import Target
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What a follower asks for at one instant: tau = feedforward - lambda pinv(L) (s - s*(t)).
+    """What a follower asks for at one instant: the way is a target that moves.
 
     Attributes:
-        desired: s*(t), the image line of each line that has one from there, by id, shape (3,) each.
+        target: s*(t) and L*(t) of the lines that have an image from there.
         feedforward: Twist (v, omega) of the way half a cycle later, since it is held for a cycle, in the camera frame
             on the way, shape (6,) [m/s, rad/s].
         progress: How much of the way is done, in [0, 1].
         T_scene_camera: Where the camera should be.
     """
 
-    desired: dict[int, Array]
+    target: Target
     feedforward: Array
     progress: float
     T_scene_camera: Pose
+
+    def displacement(self, T_scene_camera: Pose) -> Array:
+        """Return the twist that leads from where the camera should be to where it is in unit time, shape (6,).
+
+        To be taken back by its negative: the camera then goes straight while it turns about one axis.
+
+        Args:
+            T_scene_camera: Where it is; the twist is in that camera frame.
+        """
+        asked, here = self.T_scene_camera, T_scene_camera
+        shift = here.rotation.T @ (here.translation - asked.translation)
+        return np.concatenate([shift, Rotation.from_matrix(asked.rotation.T @ here.rotation).as_rotvec()])
 
 
 class WayFollower:
@@ -48,11 +64,15 @@ class WayFollower:
         self._time = min(self._time + self._cycle, self.path.duration)
 
     def reference(self) -> Reference:
-        """Return what is asked for now; at the end of the way its goal, and no feed-forward."""
+        """Return what is asked for now; at the end of the way its goal, and no feed-forward.
+
+        Raises:
+            ObservationError: If fewer than three lines have an image from there.
+        """
         pose = self.path.pose(self._time)
         seen = LineObservation.of_lines(self._lines.transformed(pose.inverse(), "camera on the way"))
         return Reference(
-            dict(zip(seen.usable_ids, seen.usable_image_lines, strict=True)),
+            Target(seen, "the way"),
             self.path.twist(self._time + 0.5 * self._cycle),
             self.path.progress(self._time),
             pose,

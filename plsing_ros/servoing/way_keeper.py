@@ -43,8 +43,10 @@ class WayKeeper:
         turned = np.abs(T_scene_target.rotation - self._target.rotation).max()
         return bool(max(apart, turned) < _SAME)
 
-    def reference(self, parameters: ControllerParameters, seen: LineSet, stamp: int, factor: float) -> Reference | None:
-        """Return what the way asks for now, or None if the plan says not to go.
+    def reference(
+        self, parameters: ControllerParameters, seen: LineSet, stamp: int, factor: float
+    ) -> tuple[Reference, Pose] | None:
+        """Return what the way asks for now and where the camera is, or None if the plan says not to go.
 
         Args:
             parameters: How to plan.
@@ -53,7 +55,7 @@ class WayKeeper:
             factor: What was left of the speed in the latest cycle, in [0, 1]: the way waits for a camera held back.
 
         Raises:
-            ObservationError: If the lines do not tell where the camera is.
+            ObservationError: If the lines do not tell where the camera is, or too few have an image on the way.
         """
         pose = self._loci.camera_pose(seen)
         if pose is None:
@@ -73,7 +75,7 @@ class WayKeeper:
         self._stamp = stamp
         reference = self._follower.reference()
         self._expected = reference.T_scene_camera.translation
-        return reference
+        return reference, pose
 
 
 def detour_options(parameters: ControllerParameters) -> DetourOptions:

@@ -14,6 +14,7 @@ from plsing_ros.servoing.laws import (
     limited_amplitudes,
     null_space_part,
     pinv_factors,
+    pose_shares,
     smooth_step,
 )
 
@@ -46,6 +47,18 @@ def test_dls_minimises_the_damped_sum_of_squares(case, damping):
     q, r = np.linalg.qr(np.vstack([L, damping * np.eye(6)]))
     expected = np.linalg.solve(r, q.T @ np.concatenate([b, np.zeros(6)]))
     ours = solved(L, dls_factors(factorised(L).singular_values, 0.0, damping), b)
+    np.testing.assert_allclose(ours, expected, rtol=1e-6, atol=1e-8 * (1.0 + np.abs(expected).max()))
+
+
+@given(case=lines_and_right_side, damping=st.floats(1e-3, 10.0), pose=vectors(6, -2.0, 2.0))
+def test_image_and_pose_minimise_both_sums_of_squares(case, damping, pose):
+    """|L t - b|^2 + mu^2 |t - pose|^2 is least squares with mu I below L; solved by QR, not by singular values."""
+    L, b = case
+    q, r = np.linalg.qr(np.vstack([L, damping * np.eye(6)]))
+    expected = np.linalg.solve(r, q.T @ np.concatenate([b, damping * pose]))
+    left, values, right = factorised(L)
+    factors = dls_factors(values, 0.0, damping)
+    ours = right.T @ (factors * (left.T @ b) + pose_shares(values, factors) * (right @ pose))
     np.testing.assert_allclose(ours, expected, rtol=1e-6, atol=1e-8 * (1.0 + np.abs(expected).max()))
 
 

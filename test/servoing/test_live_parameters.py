@@ -70,6 +70,7 @@ CASES = [
     ("detour.linear_speed", 0.01, {"law": "detour"}, {}),
     ("detour.angular_speed", 1e-3, {"law": "detour"}, {}),
     ("detour.replan_distance", 1e-3, {"law": "detour"}, {"frames": 60}),
+    ("detour.pose_onset", 10.0, {"law": "detour"}, {"frames": 60}),
     ("max_linear_speed", 1e-3, {}, {}),
     ("max_angular_speed", 1e-6, {}, {}),
     ("converged_error", 1.0, {}, {}),
