@@ -26,7 +26,9 @@ setup(
     package_data={NAME: ["py.typed", "*.pyi"]},
     ext_modules=[
         # Without a C compiler the package works all the same, slower (plsing_ros/kernels.py).
-        Extension(f"{NAME}._kernels", [f"{NAME}/_kernels.c"], extra_compile_args=["-O2"], libraries=["m"], optional=True),
+        Extension(
+            f"{NAME}._kernels", [f"{NAME}/_kernels.c"], extra_compile_args=["-O2"], libraries=["m"], optional=True
+        ),
     ],
     install_requires=["setuptools"],
     zip_safe=False,

@@ -27,9 +27,9 @@ from benchmark.servo_tasks import STEPS, TIME_STEP, Runs, Task, random_task, run
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.levels import Level
+from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.servoing.simulated_camera import SimulatedCamera
-from plsing_ros.servoing.singularity_monitor import SingularityMonitor
 
 # Defaults were tuned on the first, and verified once on the second.
 SEEDS = (1, 2)

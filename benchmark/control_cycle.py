@@ -14,7 +14,7 @@ from plsing_ros.features import LineObservation, factorised, interaction_matrix,
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters, MonitorParameters
 from plsing_ros.servoing.line_servo import LineServo
-from plsing_ros.servoing.singularity_monitor import SingularityMonitor
+from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
 
 NOW = 10**12
 GAIN = 0.1

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from benchmark.law_list import Law, feedback, guard, saturated
 from benchmark.servo_tasks import Task, mean_rotations, seen
 from plsing_ros.geometry import Pose
-from plsing_ros.servoing.camera_path import CameraPath
-from plsing_ros.servoing.detour import DetourOptions, plan_way
+from plsing_ros.servoing.ways.camera_path import CameraPath
+from plsing_ros.servoing.ways.detour import DetourOptions, plan_way
 from plsing_ros.singularities import SingularSet
 
 TIME_STEP = 0.04  # [s]

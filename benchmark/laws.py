@@ -30,9 +30,9 @@ from benchmark.law_list import LAWS, LIMITS, Law
 from benchmark.law_runs import ARRIVED, TIME_STEP, TURNED, Batch, Outcome, run
 from benchmark.servo_tasks import Task, random_task
 from plsing_ros.parameters import ControllerParameters
-from plsing_ros.servoing.detour import DetourOptions, Plan, plan_way
 from plsing_ros.servoing.line_servo import LineServo
 from plsing_ros.servoing.simulated_camera import SimulatedCamera
+from plsing_ros.servoing.ways.detour import DetourOptions, Plan, plan_way
 from plsing_ros.singularities import SingularSet, singular_set
 
 SEED, TASKS, NOISE = 1, 500, 2e-3

@@ -25,7 +25,7 @@ from benchmark.timing import median_seconds
 from plsing_ros.features import LineObservation, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.servoing.singularity_monitor import SingularityMonitor
+from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
 
 GOAL = Pose(np.eye(3), np.array([0.0, 0.0, -5.0]))
 START = Pose(np.eye(3), np.array([0.2, -0.1, -6.0]))

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from plsing_ros.arrays import Array
 from plsing_ros.experiments.run_record import RunRecord
 from plsing_ros.geometry.segments import segments_in_ball
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.singularities import SingularSet
 
 _ALERT_MARKS = {Level.WARN: ("^", "tab:orange"), Level.CRITICAL: ("v", "tab:red")}

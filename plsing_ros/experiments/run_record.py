@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plsing_ros.arrays import Array
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.levels import Level
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from plsing_ros.nodes.harness import Collected, Harness
 from plsing_ros.nodes.pose_conversions import camera_pose_from_message
 from plsing_ros.nodes.pose_estimator import PoseEstimator
 from plsing_ros.nodes.singularity_monitor import SingularityMonitor
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.servoing.simulation import FIRST_STAMP
 
 _SECOND = 1_000_000_000

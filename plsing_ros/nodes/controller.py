@@ -30,9 +30,9 @@ from plsing_ros.nodes.run import run_node
 from plsing_ros.nodes.way_conversions import path_message, target_answer, target_question
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.command import Command, Mode
-from plsing_ros.servoing.detour import Plan
 from plsing_ros.servoing.line_servo import LineServo
 from plsing_ros.servoing.target import Target
+from plsing_ros.servoing.ways.detour import Plan
 from plsing_ros.servoing.zero_twists import ZeroTwists
 
 _LEVELS = {

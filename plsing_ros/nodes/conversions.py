@@ -21,9 +21,9 @@ from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import LineObservation, LinesVerdict
-from plsing_ros.servoing.assessment import Assessment
 from plsing_ros.servoing.command import Command
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.assessment import Assessment
+from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.singularities import Kind, LocusDistance, SingularSet
 
 _SECOND = 1_000_000_000

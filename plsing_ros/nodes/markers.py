@@ -14,7 +14,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.segments import segments_in_ball
 from plsing_ros.nodes.conversions import point_message
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.singularities import SingularSet, surface_triangles
 
 # Lines are drawn within this many scene lengths (mean distance of the lines from their centre) of the scene's centre.

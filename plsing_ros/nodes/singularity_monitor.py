@@ -29,9 +29,9 @@ from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.pose_conversions import camera_pose_from_message, pose_from_message
 from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.servoing.assessment import Assessment
-from plsing_ros.servoing.levels import Level
-from plsing_ros.servoing.singularity_monitor import SingularityMonitor as Monitor
+from plsing_ros.servoing.monitoring.assessment import Assessment
+from plsing_ros.servoing.monitoring.levels import Level
+from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor as Monitor
 
 _DIAGNOSTIC_LEVELS = {
     Level.OK: DiagnosticStatus.OK,

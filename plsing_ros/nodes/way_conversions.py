@@ -12,7 +12,7 @@ from plsing_msgs.srv import CheckTarget
 from plsing_ros.geometry import Pose
 from plsing_ros.nodes.conversions import locus_distance_message
 from plsing_ros.nodes.pose_conversions import pose_from_message, pose_message
-from plsing_ros.servoing.target_check import TargetCheck
+from plsing_ros.servoing.ways.target_check import TargetCheck
 
 
 def path_message(poses: Iterable[Pose], head: Header) -> Path:

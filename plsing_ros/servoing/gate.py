@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plsing_ros.servoing.freshness import Freshness
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.levels import Level
 
 
 class StatusGate:

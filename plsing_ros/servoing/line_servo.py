@@ -8,15 +8,15 @@ from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.command import Command, Mode
-from plsing_ros.servoing.detour import Plan
 from plsing_ros.servoing.freshness import Freshness
 from plsing_ros.servoing.gate import StatusGate
-from plsing_ros.servoing.law_cycle import LawCycle
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.laws.law_cycle import LawCycle
+from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.servoing.scene_loci import SceneLoci
 from plsing_ros.servoing.target import MINIMUM_LINES, Target
-from plsing_ros.servoing.target_check import TargetCheck, check_target
-from plsing_ros.servoing.way_keeper import detour_options
+from plsing_ros.servoing.ways.detour import Plan
+from plsing_ros.servoing.ways.target_check import TargetCheck, check_target
+from plsing_ros.servoing.ways.way_keeper import detour_options
 
 __all__ = ["MINIMUM_LINES", "Command", "LineServo", "Mode"]
 

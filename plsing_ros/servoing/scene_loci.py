@@ -8,7 +8,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.servoing.camera_position import CameraPosition
+from plsing_ros.servoing.monitoring.camera_position import CameraPosition
 from plsing_ros.singularities import Kind, LocusDistance, SingularSet, singular_set
 
 

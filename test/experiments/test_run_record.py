@@ -1,7 +1,7 @@
 import numpy as np
 
 from plsing_ros.experiments.run_record import Alert, RunRecord, summary_table
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.levels import Level
 
 
 def record(positions, alerts=(), arrived=True):

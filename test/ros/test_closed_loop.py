@@ -11,7 +11,7 @@ from plsing_ros.experiments import near_transversal as experiment
 from plsing_ros.nodes.closed_loop import run_closed_loop
 from plsing_ros.nodes.controller import Controller
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.levels import Level
 
 
 def run(number, paper, executor="events", **options):

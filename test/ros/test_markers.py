@@ -12,7 +12,7 @@ from plsing_ros.experiments.config_files import config_file
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.nodes.markers import CameraMarkers, scene_markers
-from plsing_ros.servoing.levels import Level
+from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.singularities import singular_set
 
 PAPER = singular_set(read_scene(config_file("paper_p4l.yaml")))

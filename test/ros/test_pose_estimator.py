@@ -131,9 +131,7 @@ def test_the_chain_runs_on_image_lines_alone(ros, paper):
     ros.add(Controller, paper, {**sim_time, **target, "gain": 0.5}, completed)
     ros.add(PoseEstimator, paper, sim_time)
     start = {"start.position": CALM.translation.tolist(), "start.orientation": CALM.quaternion_xyzw.tolist()}
-    ros.add(
-        FeatureSimulator, paper, {**lockstep, **start, "image_only": True}, {"camera_pose": "true_camera_pose"}
-    )
+    ros.add(FeatureSimulator, paper, {**lockstep, **start, "image_only": True}, {"camera_pose": "true_camera_pose"})
     ros.spin_until(lambda: len(twists) >= 40, "forty twists", timeout=30.0)
     assert all(len(each.directions) == len(each.moments) == 0 for each in seen)
     assert {each.verdict for each in estimates if each.header.stamp.sec > 0} == {PoseEstimate.OK}

@@ -9,10 +9,10 @@ from plsing_ros.features import interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.servoing.command import Command, Mode
 from plsing_ros.servoing.gate import StatusGate
-from plsing_ros.servoing.integral import ErrorIntegral
-from plsing_ros.servoing.levels import Level
-from plsing_ros.servoing.mean_interaction import mean_interaction
-from plsing_ros.servoing.stall import StallWatch
+from plsing_ros.servoing.laws.integral import ErrorIntegral
+from plsing_ros.servoing.laws.mean_interaction import mean_interaction
+from plsing_ros.servoing.laws.stall import StallWatch
+from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.servoing.tool import tool_twist
 from plsing_ros.servoing.zero_twists import ZeroTwists
 

@@ -11,8 +11,8 @@ from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.parameters import ControllerParameters
-from plsing_ros.servoing.levels import Level
 from plsing_ros.servoing.line_servo import LineServo
+from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.servoing.zero_twists import ZeroTwists
 from plsing_ros.singularities import singular_set
 

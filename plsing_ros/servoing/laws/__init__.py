@@ -1,0 +1,1 @@
+"""The control laws: from an interaction matrix and a feature error to a twist."""

@@ -1,0 +1,185 @@
+"""One cycle of the control law for one target: guard, speed limits and stall included."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.errors import ObservationError
+from plsing_ros.features import interaction_matrix
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.parameters import ControllerParameters
+from plsing_ros.servoing.command import Command, Mode
+from plsing_ros.servoing.laws.guard import guarded_scale
+from plsing_ros.servoing.laws.integral import ErrorIntegral
+from plsing_ros.servoing.laws.saturation import saturated
+from plsing_ros.servoing.laws.stall import StallWatch
+from plsing_ros.servoing.laws.twist_law import LawTwist, law_twist
+from plsing_ros.servoing.scene_loci import SceneLoci
+from plsing_ros.servoing.target import MINIMUM_LINES, Target
+from plsing_ros.servoing.tool import tool_twist
+from plsing_ros.servoing.ways.detour import Plan
+from plsing_ros.servoing.ways.way_following import Reference
+from plsing_ros.servoing.ways.way_keeper import WayKeeper
+
+
+class LawCycle:
+    """The law in force, with what it remembers from cycle to cycle."""
+
+    def __init__(
+        self, parameters: ControllerParameters, target: Target, loci: SceneLoci | None, T_scene_target: Pose | None
+    ) -> None:
+        """Begin a run.
+
+        Args:
+            parameters: May be replaced while running.
+            target: Where to go.
+            loci: Of the scene, or None if it is not known.
+            T_scene_target: Camera pose at the target, or None if it is not known.
+        """
+        self.parameters = parameters
+        self._loci = loci
+        self._integral = ErrorIntegral()
+        self._stall = StallWatch()
+        self._way: WayKeeper | None = None
+        self.retarget(target, T_scene_target)
+        # Of the latest cycle: what was left of the law's speed.
+        self._factor = 0.0
+
+    def retarget(self, target: Target, T_scene_target: Pose | None) -> None:
+        """Go on with another target; the integral stays, so that a target that moves can be followed."""
+        self._target = target
+        if self._loci is None or T_scene_target is None:
+            self._way = None
+        elif self._way is None or not self._way.leads_to(T_scene_target):
+            self._way = WayKeeper(self._loci, T_scene_target)
+
+    @property
+    def plan(self) -> Plan | None:
+        """The way that is followed, or was refused; None without one."""
+        return None if self._way is None else self._way.plan
+
+    def pause(self) -> None:
+        """Take note that the camera was told to stand still in this cycle."""
+        self._factor = 0.0
+        self._stall.clear()
+
+    def command(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
+        """Return the command for lines that are in the target.
+
+        Args:
+            lines: In the camera's optical frame, three or more.
+            image: Their image lines, shape (3n,).
+            trust: Share of the speed that the trust in the lines allows, in [0, 1].
+            stamp: Of the observation [ns].
+
+        Raises:
+            ObservationError: If the law needs something that the observation or the target lacks.
+        """
+        try:
+            # What overflows ends as a twist that is not finite, which is looked for.
+            with np.errstate(over="ignore", invalid="ignore"):
+                if self.parameters.law == "detour":
+                    return self._along_the_way(lines, image, trust, stamp)
+                return self._servo(lines, image, None, None, trust, stamp)
+        except np.linalg.LinAlgError as problem:
+            raise ObservationError(f"the interaction matrix cannot be decomposed: {problem}") from None
+
+    def _along_the_way(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
+        if self._way is None:
+            raise ObservationError("law = detour needs the scene (lines.*) and a target with 3-D lines that fit it")
+        found = self._way.reference(self.parameters, lines, stamp, self._factor)
+        if found is None:
+            self._factor = 0.0
+            return Command(Mode.REFUSED, "" if self.plan is None else self.plan.reason)
+        reference, pose = found
+        rows = [row for row, i in enumerate(lines.ids) if i in reference.target]
+        if len(rows) < MINIMUM_LINES:
+            raise ObservationError(f"only {len(rows)} line(s) have an image both here and on the way")
+        there = image.reshape(-1, 3)[rows].ravel()
+        return self._servo(lines.select(rows), there, reference, reference.displacement(pose), trust, stamp)
+
+    def _servo(
+        self,
+        lines: LineSet,
+        image: Array,
+        reference: Reference | None,
+        displacement: Array | None,
+        trust: float,
+        stamp: int,
+    ) -> Command:
+        parameters = self.parameters
+        target = self._target if reference is None else reference.target
+        view = target.view(lines.ids, parameters.columns)
+        error = image - view.image
+        integral = self._integrated(error, lines.ids, stamp)
+        asked = law_twist(parameters, interaction_matrix(lines), image, error, integral, view, displacement)
+        wanted = asked.twist if reference is None else asked.twist + parameters.selected(reference.feedforward)
+        if not math.isfinite(sum(wanted.tolist())):
+            self._factor = 0.0
+            return Command(Mode.HALTED, f"the control law gave a twist that is not finite: {wanted.tolist()}")
+        scale = trust * self._guarded(lines, asked)
+        twist, limited = saturated(wanted if scale == 1.0 else wanted * scale, *parameters.speed_limits)
+        output = tool_twist(parameters.T_tool_camera, twist) if parameters.tool_frame else twist
+        if not math.isfinite(sum(output.tolist())):
+            self._factor = 0.0
+            return Command(Mode.HALTED, f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
+        self._factor = scale * limited
+        error_norm = math.sqrt(float(error @ error))
+        on_the_way = reference is not None and reference.progress < 1.0
+        mode, reason = (Mode.SERVOING, "") if on_the_way else self._progress(lines, error_norm, asked, twist, stamp)
+        values = singular_values = asked.values
+        if len(values) < 6:
+            singular_values = np.concatenate([values, np.zeros(6 - len(values))])
+        return Command(
+            mode,
+            reason,
+            twist,
+            output,
+            error_norm,
+            asked.gain,
+            float(values[-1] / values[0]) if values[0] > 0.0 else 0.0,
+            singular_values,
+            asked.damping,
+            scale,
+            limited < 1.0,
+            0.0 if reference is None else reference.progress,
+        )
+
+    def _integrated(self, error: Array, ids: tuple[int, ...], stamp: int) -> Array | None:
+        parameters = self.parameters
+        if parameters.integral_gain == 0.0:
+            return None
+        held_back = self._factor < 1.0
+        return self._integral.update(error, ids, stamp, parameters.integral_gain, parameters.integral_limit, held_back)
+
+    def _guarded(self, lines: LineSet, asked: LawTwist) -> float:
+        parameters = self.parameters
+        if parameters.law != "guarded" or asked.health >= 1.0:
+            return 1.0
+        offsets, velocity = None, asked.twist[:3]
+        pose = None if self._loci is None else self._loci.camera_pose(lines)
+        if self._loci is not None and pose is not None:
+            offsets, velocity = self._loci.offsets(pose.translation), pose.rotation @ velocity
+        return guarded_scale(offsets, velocity, asked.health, parameters.guard_margin, parameters.guard_floor)
+
+    def _progress(
+        self, lines: LineSet, error_norm: float, asked: LawTwist, twist: Array, stamp: int
+    ) -> tuple[Mode, str]:
+        parameters = self.parameters
+        if error_norm <= parameters.converged_error:
+            return Mode.CONVERGED, f"error norm {error_norm:.3g} is below {parameters.converged_error:g}"
+        # The image changes by at most the largest singular value times the twist.
+        ratio = float(asked.values[0]) * math.sqrt(float(twist @ twist)) / (asked.gain * error_norm)
+        duration = self._stall.stalled_for(ratio, error_norm, parameters.stall_ratio, parameters.stall_error, stamp)
+        if duration is None or duration < parameters.stall_time:
+            return Mode.SERVOING, ""
+        pose = None if self._loci is None else self._loci.camera_pose(lines)
+        near = "" if self._loci is None or pose is None else self._loci.nearest_text(pose.translation)
+        return Mode.STALLED, (
+            f"for {duration:.3g} s the twist changes the image by no more than {ratio:.2g} of what the gain asks for, "
+            f"with an error norm of {error_norm:.3g}: a local minimum, or a target that no camera pose reaches; "
+            f"inverse condition number {asked.values[-1] / asked.values[0]:.3g}{near}"
+        )

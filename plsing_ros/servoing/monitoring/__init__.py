@@ -1,0 +1,1 @@
+"""How near the camera is to a singularity: numbers, levels, and what lies ahead."""

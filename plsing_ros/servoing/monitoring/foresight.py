@@ -1,0 +1,144 @@
+"""The commanded twist, and what the plain law will make of the task if it commands that twist."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plsing_ros.arrays import Array, cross
+from plsing_ros.features import Factorisation, LineObservation
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.line_alignment import matched
+from plsing_ros.parameters import MonitorParameters
+from plsing_ros.servoing.monitoring.goal import Goal
+from plsing_ros.servoing.monitoring.goal_from_twists import GoalFromTwists
+from plsing_ros.servoing.monitoring.law_preview import Expected, LawPreview, Sight, is_alike
+
+_SECOND = 1_000_000_000
+# Cycles for which a preview is waited for before being near a singularity counts by itself: at the start of a task, and
+# when one was lost.
+_PATIENCE_AT_START, _PATIENCE = 15, 5
+# A camera that has not moved for this long rests [ns].
+_REST = _SECOND
+
+
+class Foresight:
+    """Receives twists and previews the law that commands them.
+
+    Attributes:
+        rules: Whether the preview alone is to alert: there is one, or there will be one in a moment.
+    """
+
+    def __init__(self) -> None:
+        self._preview = LawPreview()
+        self._search = GoalFromTwists()
+        self._ids: tuple[int, ...] = ()
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin with another task: another goal, or another clock."""
+        self._twist: tuple[int, Array] | None = None
+        self._first_speed, self._moved = 0.0, 0
+        self._patience = _PATIENCE_AT_START
+        self.rules = False
+        self.interrupt()
+
+    def interrupt(self) -> None:
+        """Drop the preview: features were missing, or are not what they were."""
+        self._preview.clear()
+        self._search.clear()
+        self._previous: tuple[int, Array, Factorisation] | None = None
+
+    def receive_twist(self, twist: Array, stamp: int, least_speed: float) -> None:
+        """Take the commanded twist, shape (6,), for the features of a stamp [ns].
+
+        Args:
+            twist: (v, omega) in the optical frame [m/s, rad/s].
+            stamp: [ns].
+            least_speed: Below this the camera rests [m/s].
+        """
+        self._twist = (stamp, twist)
+        speed = math.sqrt(float(twist[:3] @ twist[:3]))
+        if speed < least_speed:
+            return
+        # A motion begins when the camera leaves its rest; that speed is what growth refers to. A camera that only turns
+        # for an instant does not rest.
+        if self._first_speed == 0.0 or stamp - self._moved > _REST:
+            self._first_speed = speed
+        self._moved = stamp
+
+    def recent_twist(self, stamp: int, timeout: float) -> Array | None:
+        """Return the latest twist if it is for features within a time [s] of the stamp [ns]."""
+        if self._twist is None or abs(stamp - self._twist[0]) > timeout * _SECOND:
+            return None
+        return self._twist[1]
+
+    def growth(
+        self,
+        observation: LineObservation,
+        factors: Factorisation,
+        pose: Pose | None,
+        scene: LineSet,
+        goal: Goal | None,
+        stamp: int,
+        parameters: MonitorParameters,
+    ) -> Expected | None:
+        """Return the fastest motion ahead, in multiples of the speed at the start, or None if it is not known.
+
+        Args:
+            observation: What the camera sees.
+            factors: Of L at the usable lines.
+            pose: T_scene_camera, if it is known.
+            scene: The lines in the scene frame.
+            goal: Of the task, if it is known; otherwise it is found from the twists.
+            stamp: Of the observation [ns].
+            parameters: In force.
+        """
+        lines = observation.lines_camera
+        if lines is None or parameters.horizon == 0.0:
+            self.rules = False
+            return None
+        if lines.ids != self._ids:
+            self.interrupt()
+            self._ids = lines.ids
+        image = observation.usable_image_lines
+        sight = Sight(stamp, image, lambda: _best_lines(lines, image, pose, scene))
+        twist = self.recent_twist(stamp, parameters.twist_timeout)
+        expected = None
+        if twist is None or self._first_speed == 0.0 or self._twist is None:
+            self._preview.rest(sight)
+        else:
+            desired = self._desired(goal, twist, self._twist[0])
+            if desired is None:
+                self._preview.rest(sight)
+            else:
+                expected = self._preview.advance(sight, desired, twist, self._twist[0], parameters.horizon)
+                if expected is None:
+                    self._search.clear()
+        self._previous = (stamp, image, factors)
+        self._patience = self._patience - 1 if expected is None else _PATIENCE
+        self.rules = self._patience >= 0
+        if expected is None:
+            return None
+        return Expected(max(expected.speed, parameters.least_speed) / self._first_speed, expected.time)
+
+    def _desired(self, goal: Goal | None, twist: Array, twist_stamp: int) -> Array | None:
+        """Return s* as rows, shape (n, 3): that of the goal, or else what the twists tell."""
+        known = None if goal is None else goal.image_lines(self._ids)
+        if known is not None:
+            return known
+        if self._search.desired is None and self._previous is not None and self._previous[0] == twist_stamp:
+            self._search.add(*self._previous[1:], twist)
+        return self._search.desired
+
+
+def _best_lines(lines: LineSet, image: Array, pose: Pose | None, scene: LineSet) -> Array:
+    """Return the scene's lines in the camera frame if they have that image, else those seen: the scene has no noise."""
+    seen: Array = np.array([lines.direction, lines.moment])
+    if pose is None:
+        return seen
+    of_scene = matched(scene, lines)
+    moment = of_scene.moment - cross(pose.translation, of_scene.direction)
+    expected: Array = np.array([of_scene.direction, moment]) @ pose.rotation
+    return expected if is_alike(expected, image) else seen

@@ -1,0 +1,62 @@
+"""The worst of all indicators, with the memory that keeps a level from chattering, and why in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from plsing_ros.servoing.monitoring.indicators import Indicator
+from plsing_ros.servoing.monitoring.levels import Debounce, Latch, Level
+from plsing_ros.singularities import LocusDistance, SingularSet
+
+
+class Judgement:
+    """Levels of all indicators over the cycles.
+
+    Attributes:
+        debounce: In force from the next cycle on.
+    """
+
+    def __init__(self, debounce: Debounce) -> None:
+        self.debounce = debounce
+        self._latches: dict[str, Latch] = {}
+
+    def forget(self) -> None:
+        """Begin anew: the next numbers count at once."""
+        self._latches.clear()
+
+    def levels(self, indicators: Sequence[Indicator], unjudged: int = 0) -> list[Level]:
+        """Return the level of each indicator, after one more cycle; the first few do not count at present."""
+        levels = []
+        for i, each in enumerate(indicators):
+            latch = self._latches.get(each.name)
+            if latch is None:
+                latch = self._latches[each.name] = Latch()
+            levels.append(latch.update(each.value if i >= unjudged else math.inf, each.thresholds, self.debounce))
+        return levels
+
+
+def worst(
+    indicators: Sequence[Indicator], levels: Sequence[Level], found: SingularSet, otherwise: str
+) -> tuple[Level, str]:
+    """Return the worst level and why; `otherwise` is what to say when all is well."""
+    level = max(levels, default=Level.OK)
+    if found.singular_everywhere:
+        return Level.UNOBSERVABLE, f"the scene is singular for every camera: {found.description}"
+    if level == Level.OK:
+        return level, otherwise
+    return level, "; ".join(each.reason(level) for each, own in zip(indicators, levels, strict=True) if own == level)
+
+
+def with_position(reason: str, nearest: LocusDistance | None, source: str, pose_tolerance: float) -> str:
+    """Return a reason with the nearest locus, and where the camera position is from if not from camera_pose."""
+    if source == "":
+        return (
+            f"{reason}; distances not known: no camera_pose within {pose_tolerance:g} s of the features, "
+            "and their 3-D lines do not fit the scene"
+        )
+    if nearest is not None and f"from {nearest.name}" not in reason:
+        reason = f"{reason}; {nearest.distance:.3f} m from {nearest.name}"
+    if source == "features":
+        reason += " (camera position from the features, no recent camera_pose)"
+    return reason

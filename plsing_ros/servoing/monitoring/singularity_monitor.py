@@ -1,0 +1,286 @@
+"""The monitor's cycle without ROS: an observation in, an assessment out."""
+
+from __future__ import annotations
+
+import numpy.typing as npt
+
+from plsing_ros.arrays import Array, checked_array
+from plsing_ros.errors import ObservationError
+from plsing_ros.features import LineObservation, conditioning, factorised, interaction_matrix
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.parameters import MonitorParameters
+from plsing_ros.servoing.freshness import Freshness
+from plsing_ros.servoing.monitoring.approach import Approach, ApproachTable, Trend
+from plsing_ros.servoing.monitoring.assessment import Assessment
+from plsing_ros.servoing.monitoring.camera_position import CameraPosition
+from plsing_ros.servoing.monitoring.foresight import Foresight
+from plsing_ros.servoing.monitoring.goal import Goal
+from plsing_ros.servoing.monitoring.indicators import Indicators, condition_text, verdict_indicator
+from plsing_ros.servoing.monitoring.judgement import Judgement, with_position, worst
+from plsing_ros.servoing.monitoring.levels import Debounce, Level
+from plsing_ros.servoing.monitoring.lost_motion_text import lost_motion_text
+from plsing_ros.servoing.monitoring.slope import Slope
+from plsing_ros.servoing.target import MINIMUM_LINES
+from plsing_ros.singularities import DistanceArrays, SingularSet, singular_set
+
+_SECOND = 1_000_000_000
+# How far ahead the closest approach is looked for, at least [s].
+_LOOK_AHEAD = 10.0
+_DISABLED = "switched off by ~/enable"
+
+
+class SingularityMonitor:
+    """Assesses each observation against the singular set of the scene, computed once for each scene.
+
+    Attributes:
+        enabled: When False, every answer is DISABLED.
+    """
+
+    def __init__(self, parameters: MonitorParameters) -> None:
+        self.enabled = True
+        self._freshness = Freshness("features", parameters.features_timeout, parameters.future_tolerance)
+        self._position = CameraPosition()
+        self._foresight = Foresight()
+        self._judgement = Judgement(Debounce(parameters.raise_cycles, parameters.lower_cycles))
+        self._parameters = parameters
+        self._use_scene(singular_set(parameters.lines()))
+        self._use_target(parameters)
+        self._use(parameters)
+
+    @property
+    def found(self) -> SingularSet:
+        """The singular set of the scene."""
+        return self._found
+
+    @property
+    def parameters(self) -> MonitorParameters:
+        """The parameters in force; setting them takes effect at the next assessment."""
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, parameters: MonitorParameters) -> None:
+        before = self._parameters
+        new_scene = _scene(parameters) != _scene(before)
+        # Whatever raises comes first, so that a refused set changes nothing.
+        found = singular_set(parameters.lines()) if new_scene else self._found
+        if new_scene or _target(parameters) != _target(before):
+            self._use_target(parameters)
+        if new_scene:
+            self._use_scene(found)
+        self._use(parameters)
+
+    def _use_scene(self, found: SingularSet) -> None:
+        self._found = found
+        self._approaches = ApproachTable(found)
+        self._forget()
+
+    def _use_target(self, parameters: MonitorParameters) -> None:
+        goal = None
+        if parameters.target_known:
+            seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
+            goal = Goal(LineObservation.of_lines(seen), "target pose")
+        self._set_goal(goal)
+
+    def _use(self, parameters: MonitorParameters) -> None:
+        self._freshness.timeout = parameters.features_timeout
+        self._freshness.future_tolerance = parameters.future_tolerance
+        self._judgement.debounce = Debounce(parameters.raise_cycles, parameters.lower_cycles)
+        self._indicators = Indicators(self._found, parameters)
+        if parameters.rate_window != self._parameters.rate_window:
+            self._slope = Slope(parameters.rate_window)
+        self._parameters = parameters
+
+    def set_goal(self, observation: LineObservation) -> None:
+        """Take what the camera will see at the goal, with 3-D lines, from now on.
+
+        Raises:
+            ObservationError: If it has fewer than three usable lines, or no 3-D lines.
+        """
+        self._set_goal(Goal(observation, "desired features"))
+
+    def _set_goal(self, goal: Goal | None) -> None:
+        self._goal = goal
+        self._foresight.restart()
+
+    def receive_pose(self, T_world_camera: Pose, stamp: int) -> None:
+        """Take the camera's pose in the scene frame at a stamp [ns], for features of about that time."""
+        self._position.receive(T_world_camera, stamp)
+
+    def forget_poses(self) -> None:
+        """Trust no pose received so far: the latest one was refused."""
+        self._position.forget()
+
+    def receive_twist(self, twist: npt.ArrayLike, stamp: int) -> None:
+        """Take the commanded twist of the camera in its optical frame, shape (6,) [m/s, rad/s], at a stamp [ns].
+
+        Raises:
+            GeometryError: If it is not six finite numbers.
+        """
+        self._foresight.receive_twist(checked_array("twist", twist, (6,)), stamp, self._parameters.least_speed)
+
+    def assess(self, observation: LineObservation, stamp: int, now: int) -> Assessment | None:
+        """Return the assessment of an observation, or None if it is refused (too old, out of order) among good ones.
+
+        Args:
+            observation: What the camera sees, with 3-D lines.
+            stamp: Of the observation [ns].
+            now: Of the node clock [ns].
+        """
+        if not self.enabled:
+            return self._disabled(stamp)
+        self._follow_clock(now)
+        refusal = self._freshness.refusal(stamp, now)
+        if refusal is not None:
+            # One bad message among good ones changes nothing; a stream of them is as good as silence.
+            silence = self._freshness.silence(now)
+            return None if silence is None else self._unknown(Level.STALE, silence, now)
+        parameters, found = self._parameters, self._found
+        try:
+            lines = self._usable_lines(observation)
+            pose, source = self._position.locate(found.lines, lines, stamp, parameters.pose_tolerance)
+        except ObservationError as error:
+            return self.unusable(str(error), stamp)
+        factors = factorised(interaction_matrix(lines))
+        numbers = conditioning(factors, parameters.characteristic_length)
+        goal_inverse = None if self._goal is None else self._goal.inverse_condition_number(lines.ids)
+        distances = None if pose is None else found.distance_arrays(pose.translation)
+        measured = self._indicators.measured(numbers, goal_inverse, None if distances is None else distances.distance)
+        slope = self._slope.add(numbers.inverse_condition_number, stamp)
+        time_to_critical = self._indicators.time_to_critical(numbers.inverse_condition_number, slope, goal_inverse)
+        twist = self._foresight.recent_twist(stamp, parameters.twist_timeout)
+        trend, approach = self._motion(distances, pose, twist)
+        growth = self._foresight.growth(observation, factors, pose, found.lines, self._goal, stamp, parameters)
+        near = any(each.thresholds.entered(each.value) for each in measured)
+        calm, unjudged, foreseen = "", 0, (time_to_critical, approach)
+        if parameters.preview_rules and self._foresight.rules:
+            # Near a singularity is not yet in trouble: here it is known what the law will do, or will be in a moment.
+            unjudged = len(measured)
+            calm = "awaiting the law's preview" if growth is None else "passed calmly by the law's preview"
+            foreseen = (None, None)
+        indicators = [*measured, *self._indicators.expected(growth, *foreseen), verdict_indicator(observation)]
+        nearest = None if distances is None else self._approaches.nearest(distances)
+        levels = self._judgement.levels(indicators, unjudged)
+        level, reason = worst(indicators, levels, found, condition_text(numbers.inverse_condition_number))
+        reason = with_position(reason, nearest, source, parameters.pose_tolerance)
+        if level == Level.OK and near:
+            reason = f"{reason}; near a singularity, {calm}" if calm else reason
+        lost = ""
+        if near or level != Level.OK:
+            lost = lost_motion_text(numbers.weakest_motion, pose, found, nearest)
+        return Assessment(
+            level,
+            reason,
+            stamp,
+            line_count=len(lines),
+            conditioning=numbers,
+            inverse_condition_number_rate=None if slope is None else slope[0],
+            locus_distances=None if distances is None else distances.distance,
+            nearest=nearest,
+            trend=trend,
+            approach=approach,
+            time_to_critical=time_to_critical,
+            position_source=source,
+            lost_motion_text=lost,
+            goal_inverse_condition_number=goal_inverse,
+            pose=pose,
+        )
+
+    def assess_pose(self, T_world_camera: Pose) -> Assessment:
+        """Return what a camera that sees all lines of the scene would be told at a pose; nothing else is changed by it.
+
+        Its level is without hysteresis, debounce and prediction; the relative thresholds take part if a goal is known.
+        """
+        seen = LineObservation.of_lines(self._found.lines.transformed(T_world_camera.inverse(), "camera"))
+        try:
+            lines = self._usable_lines(seen)
+        except ObservationError as error:
+            return Assessment(Level.UNOBSERVABLE, str(error), 0)
+        numbers = conditioning(interaction_matrix(lines), self._parameters.characteristic_length)
+        goal_inverse = None if self._goal is None else self._goal.inverse_condition_number(lines.ids)
+        distances = self._found.distance_arrays(T_world_camera.translation)
+        nearest = self._approaches.nearest(distances)
+        indicators = self._indicators.measured(numbers, goal_inverse, distances.distance)
+        levels = [each.thresholds.entered(each.value) for each in indicators]
+        level, reason = worst(indicators, levels, self._found, condition_text(numbers.inverse_condition_number))
+        reason = with_position(reason, nearest, "pose asked for", self._parameters.pose_tolerance)
+        lost = ""
+        if level != Level.OK:
+            lost = lost_motion_text(numbers.weakest_motion, T_world_camera, self._found, nearest)
+        return Assessment(
+            level,
+            reason,
+            0,
+            line_count=len(lines),
+            conditioning=numbers,
+            locus_distances=distances.distance,
+            nearest=nearest,
+            position_source="camera_pose",
+            lost_motion_text=lost,
+            goal_inverse_condition_number=goal_inverse,
+        )
+
+    def silence(self, now: int) -> Assessment | None:
+        """Return what to say when no features come (now in ns): STALE, DISABLED, or None if they are recent enough."""
+        if not self.enabled:
+            return self._disabled(now)
+        self._follow_clock(now)
+        reason = self._freshness.silence(now)
+        return None if reason is None else self._unknown(Level.STALE, reason, now)
+
+    def unusable(self, reason: str, stamp: int) -> Assessment:
+        """Return the UNOBSERVABLE assessment of features that cannot be used."""
+        if not self.enabled:
+            return self._disabled(stamp)
+        self._freshness.note_problem(reason)
+        return self._unknown(Level.UNOBSERVABLE, reason, stamp)
+
+    def _disabled(self, stamp: int) -> Assessment:
+        return self._unknown(Level.DISABLED, _DISABLED, stamp)
+
+    def _unknown(self, level: Level, reason: str, stamp: int) -> Assessment:
+        self._forget()
+        return Assessment(level, reason, stamp)
+
+    def _forget(self) -> None:
+        """Begin anew: what was before says nothing about what comes next."""
+        self._judgement.forget()
+        self._slope = Slope(self._parameters.rate_window)
+        self._foresight.interrupt()
+
+    def _follow_clock(self, now: int) -> None:
+        """Drop everything stamped by a clock that has since jumped back."""
+        if self._freshness.follow_clock(now):
+            self._position.forget()
+            self._foresight.restart()
+            self._forget()
+
+    def _usable_lines(self, observation: LineObservation) -> LineSet:
+        known = self._found.lines.ids
+        if observation.ids != known:
+            unknown = sorted(set(observation.ids) - set(known))
+            if unknown:
+                raise ObservationError(f"line id {unknown[0]} is not in the scene, whose ids are {list(known)}")
+        if observation.lines_camera is None and observation.usable_ids:
+            raise ObservationError("features have no 3-D lines (directions and moments are empty)")
+        if observation.lines_camera is None or len(observation.lines_camera) < MINIMUM_LINES:
+            raise ObservationError(
+                f"{len(observation.usable_ids)} of {len(observation.ids)} lines are usable "
+                f"({list(observation.usable_ids)}); at least {MINIMUM_LINES} are needed"
+            )
+        return observation.lines_camera
+
+    def _motion(
+        self, distances: DistanceArrays | None, pose: Pose | None, twist: Array | None
+    ) -> tuple[Trend, Approach | None]:
+        if twist is None or pose is None or distances is None:
+            return Trend.UNKNOWN, None
+        horizon = max(self._parameters.horizon, _LOOK_AHEAD)
+        return self._approaches.ahead(distances, pose.translation, pose.rotation @ twist[:3], horizon)
+
+
+def _scene(parameters: MonitorParameters) -> tuple[object, ...]:
+    return parameters.lines_points, parameters.lines_directions, parameters.lines_ids
+
+
+def _target(parameters: MonitorParameters) -> tuple[object, ...]:
+    return parameters.target_known, parameters.target_position, parameters.target_orientation

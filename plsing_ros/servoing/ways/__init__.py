@@ -1,0 +1,1 @@
+"""Ways round singular loci: planned, judged, and followed."""

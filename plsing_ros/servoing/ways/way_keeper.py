@@ -1,0 +1,90 @@
+"""The way to the target: planned when there is none, followed, and planned anew when the camera is elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.errors import ObservationError
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.parameters import ControllerParameters
+from plsing_ros.servoing.scene_loci import SceneLoci
+from plsing_ros.servoing.ways.camera_path import SpeedLimits
+from plsing_ros.servoing.ways.detour import DetourOptions, Plan, plan_way
+from plsing_ros.servoing.ways.way_following import Reference, WayFollower
+
+_SECOND = 1_000_000_000
+# After a longer gap between two observations the way goes on as if it had been this long [s].
+_LONGEST_STEP = 0.5
+_SAME = 1e-6  # [m], [rad]
+# Share of the speed limits that a way may use: the rest is for the feedback.
+_ROOM = 0.9
+
+
+class WayKeeper:
+    """Plan and follower for one target.
+
+    Attributes:
+        plan: The plan in force, or None before the first observation.
+    """
+
+    def __init__(self, loci: SceneLoci, T_scene_target: Pose) -> None:
+        self.plan: Plan | None = None
+        self._loci = loci
+        self._target = T_scene_target
+        self._follower: WayFollower | None = None
+        # Where the camera should be: on the way, or where the plan was refused.
+        self._expected: Array = np.zeros(3)
+        self._stamp = 0
+
+    def leads_to(self, T_scene_target: Pose) -> bool:
+        """Return whether this is the target, to rounding: the same message sent again is no new target."""
+        apart = np.abs(T_scene_target.translation - self._target.translation).max()
+        turned = np.abs(T_scene_target.rotation - self._target.rotation).max()
+        return bool(max(apart, turned) < _SAME)
+
+    def reference(
+        self, parameters: ControllerParameters, seen: LineSet, stamp: int, factor: float
+    ) -> tuple[Reference, Pose] | None:
+        """Return what the way asks for now and where the camera is, or None if the plan says not to go.
+
+        Args:
+            parameters: How to plan.
+            seen: Lines in the camera's optical frame.
+            stamp: Of the observation [ns].
+            factor: What was left of the speed in the latest cycle, in [0, 1]: the way waits for a camera held back.
+
+        Raises:
+            ObservationError: If the lines do not tell where the camera is, or too few have an image on the way.
+        """
+        pose = self._loci.camera_pose(seen)
+        if pose is None:
+            raise ObservationError(
+                "the observed lines do not fit the scene, so the camera's place on the way is unknown"
+            )
+        apart = float(np.linalg.norm(pose.translation - self._expected))
+        if self.plan is None or apart > parameters.detour_replan_distance:
+            self.plan = plan_way(self._loci.found, pose, self._target, detour_options(parameters))
+            path = self.plan.path
+            self._follower = None if path is None else WayFollower(path, self._loci.lines)
+            self._expected = pose.translation
+            self._stamp = stamp
+        if self._follower is None:
+            return None
+        self._follower.advance(factor * min((stamp - self._stamp) / _SECOND, _LONGEST_STEP))
+        self._stamp = stamp
+        reference = self._follower.reference()
+        self._expected = reference.T_scene_camera.translation
+        return reference, pose
+
+
+def detour_options(parameters: ControllerParameters) -> DetourOptions:
+    """Return how to plan."""
+    linear, angular = parameters.speed_limits
+    return DetourOptions(
+        margin=parameters.detour_margin,
+        accept_singular_target=parameters.least_target_condition == 0.0,
+        limits=SpeedLimits(
+            min(parameters.detour_linear_speed, _ROOM * linear), min(parameters.detour_angular_speed, _ROOM * angular)
+        ),
+    )

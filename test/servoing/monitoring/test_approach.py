@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from strategies import vectors
+
+from plsing_ros.geometry import LineSet
+from plsing_ros.servoing.monitoring.approach import ApproachTable, Trend
+from plsing_ros.singularities import Kind, singular_set
+
+PAPER = LineSet.from_points_directions(
+    [[0, 0, 0], [0, 0, 2], [3, 5, 0], [0, 1, 7]], [[1, 0, 0], [4, -5, 0], [3, 7, 3], [-2, 1, 13]]
+)
+FOUND = singular_set(PAPER)
+TABLE = ApproachTable(FOUND)
+
+
+@given(center=vectors(3), velocity=vectors(3, -1.0, 1.0))
+def test_the_closest_approach_is_the_least_over_samples_of_the_way(center, velocity):
+    assume(np.linalg.norm(velocity) > 0.1)
+    trend, approach = TABLE.ahead(FOUND.distance_arrays(center), center, velocity, 10.0)
+    assert isinstance(trend, Trend)
+    if approach is None:
+        return
+    row = FOUND.locus_names.index(approach.name)
+
+    def distance(time):
+        return FOUND.distance_arrays(center + time * velocity).distance[row]
+
+    assert distance(approach.time) == pytest.approx(approach.distance, abs=1e-6)
+    assert all(distance(time) >= approach.distance - 1e-6 for time in np.linspace(0.0, 10.0, 30))
+
+
+def test_trends_by_example():
+    point = FOUND.isolated_points[0]
+    way = np.array([0.6, 0.0, 0.8])
+    for offset, expected in ((-0.05, Trend.APPROACHING), (0.05, Trend.LEAVING), (0.0005, Trend.PASSING)):
+        center = point + offset * way + 0.001 * np.array([0.8, 0.0, -0.6])
+        trend, approach = TABLE.ahead(FOUND.distance_arrays(center), center, 0.01 * way, 10.0)
+        assert trend is expected
+        if expected is Trend.APPROACHING:
+            assert (approach.kind, approach.name) == (Kind.ISOLATED_POINT, "isolated point 1")
+            assert approach.distance == pytest.approx(0.001) and approach.time == pytest.approx(5.0)
+    assert TABLE.ahead(FOUND.distance_arrays(point), point, np.zeros(3), 10.0) == (Trend.STEADY, None)
+
+
+def test_along_a_transversal_is_steady():
+    line = FOUND.transversals[0]
+    center = line.point + 1e-3 * np.cross(line.direction, [1.0, 0.0, 0.0])
+    assert TABLE.ahead(FOUND.distance_arrays(center), center, line.direction, 10.0)[0] is Trend.STEADY
+
+
+def test_a_surface_is_met_where_its_tangent_plane_is():
+    found = singular_set(PAPER.select([0, 1, 2]))
+    center = np.array([0.3, 0.4, 1.2])
+    arrays = found.distance_arrays(center)
+    row = found.locus_names.index("quadric")
+    toward = (arrays.closest_point[row] - center) / arrays.distance[row]
+    _, approach = ApproachTable(found).ahead(arrays, center, 0.1 * toward, 100.0)
+    assert approach.distance == pytest.approx(0.0, abs=1e-9) and approach.time <= 10.0 * arrays.distance[row] + 1e-9

@@ -1,0 +1,104 @@
+"""The preview against the loop itself: what it foresees is what then comes."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from strategies import numbers
+
+from plsing_ros.features import interaction_matrix, project_lines
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.servoing.monitoring.law_preview import LawPreview, Sight
+
+SCENE = LineSet.from_points_directions(
+    [[0, 0, 0], [0, 0, 2], [3, 5, 0], [0, 1, 7]], [[1, 0, 0], [4, -5, 0], [3, 7, 3], [-2, 1, 13]]
+)
+ON_TRANSVERSAL = np.array([0.3962, -4.337, 7.50])
+LOOK = Pose.looking_at(ON_TRANSVERSAL, [0.0, 0.0, 0.0]).rotation
+# Start 2 of the paper, whose speed explodes after 6 s, and its goal.
+START, GOAL = Pose(LOOK, ON_TRANSVERSAL + [-0.3, 0.3, -0.3]), Pose(LOOK, ON_TRANSVERSAL + [0.3, -0.3, 0.3])
+DESIRED = project_lines(SCENE.transformed(GOAL.inverse(), "camera"))
+SECOND = 10**9
+
+
+def loop(frames, period=0.04, gain=0.1, start=START):
+    """Yield stamp, lines and the plain law's twist of each frame."""
+    pose = start
+    for i in range(frames):
+        lines = SCENE.transformed(pose.inverse(), "camera")
+        error = project_lines(lines) - DESIRED
+        twist = -gain * np.linalg.lstsq(interaction_matrix(lines), error, rcond=None)[0]
+        yield SECOND + round(i * period * SECOND), lines, twist
+        pose = pose.moved(twist, period)
+
+
+def sight(stamp, lines):
+    return Sight(stamp, project_lines(lines).reshape(-1, 3), lambda: np.array([lines.direction, lines.moment]))
+
+
+def previews(frames, horizon=1.0, turn=1.0, **options):
+    """Return what is expected at each frame, with the twist of the frame before as on topics, and the loop's speeds."""
+    preview, found, before, speeds = LawPreview(), [], None, []
+    for stamp, lines, twist in loop(frames, **options):
+        if before is None:
+            preview.rest(sight(stamp, lines))
+        else:
+            found.append(preview.advance(sight(stamp, lines), DESIRED.reshape(-1, 3), *before, horizon))
+        before = turn * twist, stamp
+        speeds.append(np.linalg.norm(twist[:3]))
+    return found, np.array(speeds)
+
+
+@pytest.mark.parametrize("period", [0.02, 0.04, 0.08])
+@pytest.mark.parametrize("gain", [0.05, 0.08, 0.1])
+def test_what_is_foreseen_is_what_comes(period, gain):
+    horizon, frames = 10 * period, 60
+    found, speeds = previews(frames, horizon, period=period, gain=gain)
+    for i in range(15, frames - 11):
+        window = speeds[i + 1 : i + 12]
+        assert found[i].speed == pytest.approx(window.max(), rel=1e-6)
+        assert found[i].time == pytest.approx(int(window.argmax()) * period, abs=1e-6)
+
+
+def test_an_explosion_is_seen_as_far_ahead_as_the_horizon():
+    found, speeds = previews(220, horizon=1.4)
+    explosion = int(np.argmax(speeds > 10.0 * speeds[0]))
+    assert 120 < explosion < 210
+    first = next(i for i, each in enumerate(found) if each.speed > 10.0 * speeds[0])
+    assert explosion - (first + 1) == round(1.4 / 0.04)
+
+
+def test_it_takes_as_long_to_look_ahead_as_it_looks_ahead():
+    """Two steps in a cycle, one of which is spent on keeping up."""
+    found, _ = previews(60, horizon=1.0, start=Pose(LOOK, ON_TRANSVERSAL + [-0.02, 0.02, -0.02]))
+    assert found[1].time <= 0.12 and found[10].time <= 0.5
+
+
+@given(scale=numbers(0.5, 2.0))
+def test_another_gain_than_before_is_followed(scale):
+    """A camera that is suddenly commanded at another speed: the preview begins anew with that."""
+    preview, before, results = LawPreview(), None, []
+    for i, (stamp, lines, twist) in enumerate(loop(30)):
+        if before is None:
+            preview.rest(sight(stamp, lines))
+        else:
+            results.append(preview.advance(sight(stamp, lines), DESIRED.reshape(-1, 3), *before, 0.2))
+        before = (scale if i > 20 else 1.0) * twist, stamp
+    assert results[-1] is not None
+
+
+@pytest.mark.parametrize("turn", [-1.0, 0.0])
+def test_a_twist_of_another_law_has_no_preview(turn):
+    assert set(previews(20, turn=turn)[0]) == {None}
+
+
+def test_a_camera_that_is_carried_elsewhere_is_followed_from_there():
+    preview, frames = LawPreview(), list(loop(40))
+    elsewhere = list(loop(40, start=Pose(LOOK, ON_TRANSVERSAL + [0.2, 0.3, 0.0])))
+    before, calm = None, np.linalg.norm(elsewhere[1][2][:3])
+    for stamp, lines, twist in frames[:20] + elsewhere[20:]:
+        if before is None:
+            preview.rest(sight(stamp, lines))
+        else:
+            found = preview.advance(sight(stamp, lines), DESIRED.reshape(-1, 3), *before, 0.5)
+        before = twist, stamp
+    assert found.speed == pytest.approx(calm, rel=0.3)

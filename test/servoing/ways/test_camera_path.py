@@ -1,0 +1,136 @@
+"""A timed way: where it begins and ends, that its twist is its motion, that it keeps its limits."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from strategies import numbers, poses, vectors
+
+from plsing_ros.errors import GeometryError
+from plsing_ros.geometry import Pose
+from plsing_ros.servoing.ways.camera_path import CameraPath, SpeedLimits
+
+few = settings(max_examples=30)
+shares = st.floats(0.02, 0.98)
+limits = st.builds(SpeedLimits, numbers(0.01, 2.0), numbers(0.01, 2.0), numbers(0.1, 5.0))
+
+
+@st.composite
+def ways(draw):
+    corners = np.reshape(draw(st.lists(vectors(), max_size=3)), (-1, 3))
+    return CameraPath(draw(poses()), draw(poses()), draw(limits), corners, draw(vectors(3, -0.5, 0.5)))
+
+
+def between(one, other):
+    """Twist that takes one pose to the other in unit time, in the first one's frame, to first order."""
+    turn = Rotation.from_matrix(one.rotation.T @ other.rotation).as_rotvec()
+    return np.concatenate([one.rotation.T @ (other.translation - one.translation), turn])
+
+
+@few
+@given(way=ways())
+def test_it_goes_from_start_to_goal(way):
+    for pose, end in ((way.pose(0.0), way.start), (way.pose(way.duration), way.goal)):
+        np.testing.assert_array_equal(pose.translation, end.translation)
+        np.testing.assert_array_equal(pose.rotation, end.rotation)
+    # Also as a limit, not only by definition.
+    rotation, position = way.poses(np.array([0.0, 1.0]))
+    np.testing.assert_allclose(position, [way.start.translation, way.goal.translation], atol=1e-12)
+    np.testing.assert_allclose(rotation, [way.start.rotation, way.goal.rotation], atol=1e-7)
+    assert way.progress(0.0) == (0.0 if way.duration > 0.0 else 1.0)
+    assert way.progress(way.duration) == 1.0
+    assert not way.twist(0.0).any()
+    assert not way.twist(way.duration).any()
+
+
+@few
+@given(way=ways(), share=shares)
+def test_the_twist_is_the_central_difference_of_the_pose(way, share):
+    assume(way.duration > 0.0)
+    time, step = share * way.duration, 1e-5 * way.duration
+    before, middle, after = (way.pose(time + sign * step) for sign in (-1.0, 0.0, 1.0))
+    difference = (between(middle, after) - between(middle, before)) / (2.0 * step)
+    np.testing.assert_allclose(way.twist(time), difference, atol=1e-5)
+
+
+@few
+@given(way=ways(), speed=limits, share=st.floats(0.0, 1.0))
+def test_it_keeps_the_speed_limits_and_starts_and_stops_gently(way, speed, share):
+    way = CameraPath(way.start, way.goal, speed, np.mean([way.start.translation, way.goal.translation], axis=0) + 1.0)
+    time = share * way.duration
+    ramp = max(min(time, way.duration - time) / speed.ramp, 0.0)
+    twist = way.twist(time)
+    assert np.linalg.norm(twist[:3]) <= speed.linear * min(1.0, ramp) * (1.0 + 1e-9) + 1e-12
+    assert np.linalg.norm(twist[3:]) <= speed.angular * min(1.0, ramp) * (1.0 + 1e-9) + 1e-12
+
+
+@few
+@given(way=ways(), share=st.floats(0.0, 1.0))
+def test_the_twist_is_continuous(way, share):
+    assume(way.duration > 0.0)
+    step = 1e-9 * way.duration
+    change = way.twist(share * way.duration + step) - way.twist(share * way.duration)
+    assert np.abs(change).max() <= 1e-6
+
+
+@few
+@given(start=poses(), goal=poses(), share=st.floats(0.0, 1.0))
+def test_without_corners_it_is_straight_and_turns_the_shortest_way(start, goal, share):
+    way = CameraPath(start, goal, SpeedLimits())
+    rotation, position = way.poses(np.array([share]))
+    straight = (1.0 - share) * start.translation + share * goal.translation
+    np.testing.assert_allclose(position[0], straight, atol=1e-9)
+    whole = Rotation.from_matrix(start.rotation.T @ goal.rotation).magnitude()
+    done = Rotation.from_matrix(start.rotation.T @ rotation[0]).magnitude()
+    assert done == pytest.approx(share * whole, abs=1e-6)
+
+
+def test_corners_are_rounded_but_not_forgotten():
+    start, goal = Pose(np.eye(3), np.zeros(3)), Pose(np.eye(3), np.array([1.0, 0.0, 0.0]))
+    way = CameraPath(start, goal, SpeedLimits(), [[0.5, 0.5, 0.0]])
+    _, position = way.poses(np.linspace(0.0, 1.0, 500))
+    corner = np.linalg.norm(position - [0.5, 0.5, 0.0], axis=1).min()
+    # One third of the spline's interval of 2^0.5 / 24 m on either side, at 45 degrees.
+    assert 0.0 < corner < 0.03
+    inside = np.abs(position[:, 0] - 0.5) + position[:, 1]
+    assert inside.max() <= 0.5 + 1e-12
+    assert np.linalg.norm(np.diff(position, axis=0), axis=1).sum() <= way.length
+
+
+def test_a_tilt_is_full_half_way():
+    way = CameraPath(Pose(np.eye(3), np.zeros(3)), Pose(np.eye(3), np.ones(3)), SpeedLimits(), tilt=[0.3, 0.0, 0.0])
+    rotation, _ = way.poses(np.array([0.0, 0.5, 1.0]))
+    np.testing.assert_allclose(
+        Rotation.from_matrix(rotation).as_rotvec(), [[0, 0, 0], [0.3, 0, 0], [0, 0, 0]], atol=1e-9
+    )
+
+
+@few
+@given(pose=poses())
+def test_a_goal_that_is_the_start_is_reached_at_once(pose):
+    way = CameraPath(pose, Pose(pose.rotation, pose.translation), SpeedLimits())
+    assert way.duration == pytest.approx(0.0, abs=1e-3)
+    assert way.pose(1.0).translation == pytest.approx(pose.translation)
+    assert not way.twist(1.0).any()
+
+
+@few
+@given(way=ways(), count=st.integers(2, 20))
+def test_sampled_poses_begin_at_the_start_and_end_at_the_goal(way, count):
+    sampled = way.sampled(count)
+    assert len(sampled) == count
+    assert (sampled[0], sampled[-1]) == (way.start, way.goal)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"linear": 0.0}, "speed limit 'linear' is 0.0 m/s; it must be positive and finite"),
+        ({"angular": float("nan")}, "'angular' is nan rad/s"),
+        ({"ramp": -1.0}, "'ramp' is -1.0 s"),
+    ],
+)
+def test_limits_that_are_none_are_refused(values, message):
+    with pytest.raises(GeometryError, match=message):
+        SpeedLimits(**values)
