@@ -66,6 +66,8 @@ class Freshness:
         age = (now - stamp) / _SECOND
         if stamp == 0:
             return f"{self.what} have no stamp (it is zero); the publisher must set header.stamp"
+        if stamp < 0:
+            return f"{self.what} are stamped at {stamp / _SECOND:.9g} s, before time zero"
         if age > self.timeout:
             hint = "; do the clocks agree, and is use_sim_time set where it must be?" if age > 60.0 else ""
             return f"{self.what} are {age:.3g} s old, allowed are {self.timeout:g} s{hint}"

@@ -21,6 +21,7 @@ def test_recent_stamps_are_accepted(fresh, age):
     ("stamp", "words"),
     [
         (0, "no stamp"),
+        (-1, "stamped at -1e-09 s, before time zero"),
         (NOW - SECOND, "1 s old, allowed are 0.2 s"),
         (NOW + SECOND, "1 s ahead of the clock, allowed are 0.1 s"),
         (SECOND, "is use_sim_time set"),

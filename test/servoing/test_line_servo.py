@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from strategies import poses, seen_lines, vectors
 
@@ -163,6 +163,7 @@ def test_whatever_comes_the_twist_is_finite_and_within_the_limits(chosen, frames
 
 
 @given(stamp=st.integers(-(2**63), 2**63), now=st.integers(0, 2**63))
+@example(stamp=-1, now=0)
 def test_whatever_the_stamp_the_twist_is_finite(stamp, now):
     servo = servo_for(*SCENE)
     command = servo.step(observation(SCENE[0], SCENE[1].moved([0.1, 0, 0, 0, 0, 0], 1.0)), stamp, now)

@@ -210,6 +210,9 @@ class _Judge:
 
     def well_conditioned(self, progress: Array, position: Array) -> BoolArray:
         """Return whether centres (k, 3) are, with the orientation of the turn at that progress, shape (k,)."""
+        if len(progress) == 0:
+            # SciPy before 1.12 has no empty rotations.
+            return np.zeros(0, dtype=bool)
         rotation, _ = CameraPath(self._start, self._goal, self.options.limits).poses(progress)
         enough: BoolArray = inverse_condition_numbers(self._lines, rotation, position) >= self._least_condition
         return enough
