@@ -24,6 +24,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmark.servo_tasks import STEPS, TIME_STEP, Runs, Task, random_task, run_all
+from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.parameters import MonitorParameters
@@ -106,7 +107,11 @@ def _first_alert(replay: _Replay) -> tuple[int, str] | None:
         if replay.with_pose:
             monitor.receive_pose(camera.T_world_camera, stamp)
         seen: LineObservation = camera.observe()
-        assessment = monitor.assess(seen, stamp, stamp)
+        try:
+            assessment = monitor.assess(seen, stamp, stamp)
+        except PlsingError as error:
+            # As the node does; a camera that has run away can be too far off to see anything in numbers.
+            assessment = monitor.unusable(str(error), stamp)
         if assessment is not None and assessment.level in (Level.WARN, Level.CRITICAL):
             return frame, assessment.reason
         monitor.receive_twist(twist, stamp)
