@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from plsing_ros.errors import ParameterError
 from plsing_ros.parameters.parameter_set import ParameterSet, parameter
-from plsing_ros.parameters.scene import SceneParameters
+from plsing_ros.parameters.task import FeatureParameters
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class EstimationParameters(ParameterSet):
 
 
 @dataclass(frozen=True)
-class PoseEstimatorParameters(EstimationParameters, SceneParameters):
+class PoseEstimatorParameters(EstimationParameters, FeatureParameters):
     """The scene, how to estimate in it, and how the node treats time."""
 
     features_timeout: float = parameter(
@@ -145,14 +145,6 @@ class PoseEstimatorParameters(EstimationParameters, SceneParameters):
         "Features older than this on the node clock are refused",
         unit="s",
         minimum=1e-3,
-        maximum=60.0,
-    )
-    future_tolerance: float = parameter(
-        0.1,
-        "future_tolerance",
-        "Features stamped further ahead of the node clock than this are refused",
-        unit="s",
-        minimum=0.0,
         maximum=60.0,
     )
     last_pose_timeout: float = parameter(

@@ -1,4 +1,4 @@
-"""Parameters of a servo task that controller and monitor share: where to, and which features count as present."""
+"""Parameters that the nodes which read features share, and those of a servo task that controller and monitor share."""
 
 from __future__ import annotations
 
@@ -10,8 +10,22 @@ from plsing_ros.parameters.scene import SceneParameters, pose_from_parameters
 
 
 @dataclass(frozen=True)
-class TaskParameters(SceneParameters):
-    """The scene, the target in it, and how far the clocks may disagree."""
+class FeatureParameters(SceneParameters):
+    """The scene, and how far the clocks of those who see it may disagree."""
+
+    future_tolerance: float = parameter(
+        0.1,
+        "future_tolerance",
+        "Features stamped further ahead of the node clock than this are refused",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
+
+
+@dataclass(frozen=True)
+class TaskParameters(FeatureParameters):
+    """The scene, how far the clocks may disagree, and the target."""
 
     target_position: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0), "target.position", "Camera centre at the target, in the scene frame: x, y, z", unit="m"
@@ -20,14 +34,6 @@ class TaskParameters(SceneParameters):
         (0.0, 0.0, 0.0, 1.0),
         "target.orientation",
         "Orientation of the optical frame at the target, in the scene frame: unit quaternion x, y, z, w",
-    )
-    future_tolerance: float = parameter(
-        0.1,
-        "future_tolerance",
-        "Features stamped further ahead of the node clock than this are refused",
-        unit="s",
-        minimum=0.0,
-        maximum=60.0,
     )
 
     def target_pose(self) -> Pose:

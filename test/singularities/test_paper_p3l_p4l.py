@@ -20,6 +20,7 @@ from singular_scenes import (
     same_points,
 )
 
+from plsing_ros.experiments.paper_scenes import PRINTED_L_M, PRINTED_L_N, TABLE_OF_POINTS
 from plsing_ros.singularities import Case, IsolatedStatus, Kind, TransversalFamily, singular_set
 from plsing_ros.singularities.exact import exact_transversals
 from plsing_ros.singularities.scene_frame import SceneFrame
@@ -28,28 +29,7 @@ from plsing_ros.singularities.transversals import analyze_transversals
 X, Y, Z = sp.symbols("X Y Z")
 CENTER = sp.Matrix([X, Y, Z])
 
-L_M = np.array([0.0830, 0.4989, -0.8627, 0.0, -0.9641, -0.5575])
-L_N = np.array([0.2067, -0.03902, -0.9776, 0.0, -0.3509, 0.01401])
-
-# Appendix A, all sixteen rows; starred ones are isolated.
-TABLE = [
-    (True, (-9.858, -2.473, -1.841)),
-    (False, (-0.720, 0.0, 0.0)),
-    (True, (-0.320, 0.010, 0.220)),
-    (False, (-0.007, 0.009, 2.0)),
-    (True, (0.054, 0.009, 1.842)),
-    (False, (0.328, 0.0, 0.0)),
-    (False, (0.918, 0.141, -2.082)),
-    (True, (0.938, 0.568, -2.023)),
-    (False, (0.972, -1.215, 2.0)),
-    (True, (1.011, 0.794, -0.885)),
-    (False, (1.016, 0.371, -1.984)),
-    (False, (1.218, 0.390, -0.918)),
-    (False, (3.231, 0.0, 0.0)),
-    (False, (3.880, 7.054, 0.880)),
-    (True, (65.09, -96.57, -0.036)),
-    (False, (90.31, -112.9, 2.0)),
-]
+L_M, L_N = np.array(PRINTED_L_M), np.array(PRINTED_L_N)
 
 
 def normals(points, directions):
@@ -127,11 +107,11 @@ def test_six_real_of_ten_complex_points():
 
 def test_the_sixteen_points_of_the_appendix():
     found = singular_set(line_set(PAPER_FOUR))
-    starred = [row for star, row in TABLE if star]
+    starred = [row for star, row in TABLE_OF_POINTS if star]
     assert same_points(found.isolated_points, np.array(starred), 1.1e-3)
     lines = [(np.array(p, float), np.array(u, float)) for p, u in zip(*PAPER_FOUR, strict=True)]
     lines += [(t.point, t.direction) for t in found.transversals]
-    for star, row in TABLE:
+    for star, row in TABLE_OF_POINTS:
         nearest = min(distance_to_line(row, *line) for line in lines)
         rounding = 1e-3 if abs(row[0]) < 10 else 6e-2
         assert star or nearest < 2 * rounding, row
