@@ -130,7 +130,7 @@ class PoseEstimator:
         used = np.flatnonzero(best.weight > 0.0)
         freedom = 2 * len(used) - 6
         residual = float(np.sqrt(best.squared_residual / freedom)) if freedom > 0 else 0.0
-        nearest = scene.nearest(pose.translation)
+        nearest = scene.singular.nearest_locus(pose.translation)
         verdict, reason = judge(spread, residual, alternatives, nearest, settings)
         if verdict is Verdict.FAILED:
             return failed_estimate(reason)

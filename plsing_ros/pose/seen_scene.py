@@ -10,7 +10,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet
 from plsing_ros.parameters.pose_estimator import EstimationParameters
 from plsing_ros.pose.candidates import SceneTriplets
-from plsing_ros.singularities import Kind, LocusDistance, SingularSet, singular_set
+from plsing_ros.singularities import SingularSet, singular_set
 
 # Poses further from the lines than this, in sizes of the scene, are no poses.
 _FURTHEST = 1e6
@@ -46,23 +46,6 @@ class SeenScene:
         """The singular set of these lines."""
         return singular_set(self.lines)
 
-    @cached_property
-    def _loci(self) -> list[int]:
-        return [i for i, kind in enumerate(self.singular.locus_kinds) if kind is not Kind.OBSERVED_LINE]
-
     def near(self, center: Array) -> bool:
         """Whether a camera centre (3,) in the world is where a camera could see the lines."""
         return bool(np.abs(center - self.triplets.center).max() <= self._furthest)
-
-    def nearest(self, center: Array) -> LocusDistance | None:
-        """Return the locus nearest to a camera centre, other than the observed lines."""
-        if not self._loci:
-            return None
-        arrays = self.singular.distance_arrays(center)
-        i = min(self._loci, key=arrays.distance.__getitem__)
-        return LocusDistance(
-            self.singular.locus_kinds[i],
-            self.singular.locus_names[i],
-            float(arrays.distance[i]),
-            arrays.closest_point[i],
-        )

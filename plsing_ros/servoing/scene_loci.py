@@ -9,7 +9,7 @@ import numpy as np
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.servoing.monitoring.camera_position import CameraPosition
-from plsing_ros.singularities import Kind, LocusDistance, SingularSet, singular_set
+from plsing_ros.singularities import Kind, SingularSet, singular_set
 
 
 class SceneLoci:
@@ -50,12 +50,7 @@ class SceneLoci:
         offset: Array = self.found.distance_arrays(center).closest_point[self._rows] - center
         return offset
 
-    def nearest(self, center: Array) -> LocusDistance | None:
-        """Return the nearest locus other than the observed lines, or None if there is none."""
-        found = (each for each in self.found.distances(center) if each.kind is not Kind.OBSERVED_LINE)
-        return next(found, None)
-
     def nearest_text(self, center: Array | None) -> str:
         """Return how near the nearest locus is, as a clause to append to a reason, or "" if it is not known."""
-        nearest = None if center is None else self.nearest(center)
+        nearest = None if center is None else self.found.nearest_locus(center)
         return "" if nearest is None else f"; {nearest.distance:.3g} m from {nearest.name}"

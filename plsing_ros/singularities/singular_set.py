@@ -168,6 +168,24 @@ class SingularSet:
             for i in sorted(range(len(distance)), key=distance.__getitem__)
         ]
 
+    def nearest_locus(self, camera_center: npt.ArrayLike) -> LocusDistance | None:
+        """Return the distance to the nearest part other than the observed lines, or None if there is none.
+
+        Args:
+            camera_center: In the frame of the lines, shape (3,) [m].
+
+        Raises:
+            GeometryError: If camera_center is not three finite numbers.
+        """
+        rows = [i for i, kind in enumerate(self.locus_kinds) if kind is not Kind.OBSERVED_LINE]
+        arrays = self.distance_arrays(camera_center)
+        if not rows:
+            return None
+        i = min(rows, key=arrays.distance.__getitem__)
+        return LocusDistance(
+            self.locus_kinds[i], self.locus_names[i], float(arrays.distance[i]), arrays.closest_point[i]
+        )
+
     @cached_property
     def nearest_transversal(self) -> NearestTransversal:
         """The line that comes nearest to meeting all lines, with how far it misses each."""

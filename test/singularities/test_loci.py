@@ -50,6 +50,19 @@ def test_distances_are_distances(center):
         assert by_name[name].distance == distance
 
 
+@given(lines=line_sets(min_size=3, max_size=6), center=vectors())
+@settings(max_examples=25)
+def test_the_nearest_locus_is_the_nearest_that_is_no_observed_line(lines, center):
+    found = singular_set(lines)
+    nearest = found.nearest_locus(center)
+    others = [each for each in found.distances(center) if each.kind is not Kind.OBSERVED_LINE]
+    assert (nearest is None) == (not others)
+    if nearest is not None:
+        assert nearest.name == others[0].name
+        assert nearest.distance == min(each.distance for each in others)
+        np.testing.assert_array_equal(nearest.closest_point, others[0].closest_point)
+
+
 @given(center=vectors())
 @settings(max_examples=40, deadline=None)
 def test_surfaces_are_the_products_of_the_normals(center):

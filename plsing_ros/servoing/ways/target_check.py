@@ -8,7 +8,7 @@ from plsing_ros.geometry import Pose
 from plsing_ros.servoing.ways.camera_path import CameraPath, even_progress
 from plsing_ros.servoing.ways.detour import Decision, DetourOptions, plan_way
 from plsing_ros.servoing.ways.way_conditions import inverse_condition_numbers
-from plsing_ros.singularities import Kind, LocusDistance, SingularSet
+from plsing_ros.singularities import LocusDistance, SingularSet
 
 _WAY_POSES = 100
 
@@ -50,12 +50,11 @@ def check_target(found: SingularSet, start: Pose, goal: Pose, options: DetourOpt
     straight = CameraPath(start, goal, options.limits)
     rotation, position = straight.poses(even_progress(_WAY_POSES))
     condition = inverse_condition_numbers(found.lines, rotation, position)
-    others = [each for each in found.distances(goal.translation) if each.kind is not Kind.OBSERVED_LINE]
     return TargetCheck(
         plan.decision,
         plan.reason,
         float(condition[-1]),
-        others[0] if others else None,
+        found.nearest_locus(goal.translation),
         float(condition.min()),
         min((found.distances(center)[0] for center in position), key=lambda each: each.distance),
         plan.path.sampled(_WAY_POSES) if plan.path is not None else (),
