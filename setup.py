@@ -4,6 +4,7 @@ from setuptools import Extension, find_packages, setup
 
 NAME = "plsing_ros"
 SHARE = Path("share") / NAME
+KERNELS = Path(NAME) / "kernels"
 
 
 def config_files() -> list[tuple[str, list[str]]]:
@@ -25,9 +26,14 @@ setup(
     ],
     package_data={NAME: ["py.typed", "*.pyi"]},
     ext_modules=[
-        # Without a C compiler the package works all the same, slower (plsing_ros/kernels.py).
+        # Without a C compiler the package works all the same, slower (plsing_ros/kernels/).
         Extension(
-            f"{NAME}._kernels", [f"{NAME}/_kernels.c"], extra_compile_args=["-O2"], libraries=["m"], optional=True
+            f"{NAME}.kernels.compiled",
+            [str(file) for file in sorted(KERNELS.glob("*.c"))],
+            depends=[str(KERNELS / "kernels.h")],
+            extra_compile_args=["-O2", "-fvisibility=hidden"],
+            libraries=["m"],
+            optional=True,
         ),
     ],
     install_requires=["setuptools"],

@@ -12,6 +12,7 @@ from benchmark.timing import median_seconds
 from plsing_ros import kernels
 from plsing_ros.features import LineObservation, factorised, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.kernels import of_numpy
 from plsing_ros.parameters import ControllerParameters, MonitorParameters
 from plsing_ros.servoing.line_servo import LineServo
 from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
@@ -28,7 +29,7 @@ def main() -> None:
     """Measure and print."""
     with visp.compiled() as peer:
         print(f"ViSP: {peer if isinstance(peer, str) else f'{peer.version}, its own vpFeatureLine and vpServo, C++'}")
-        print(f"our inner loops: {'compiled' if kernels.COMPILED else 'numpy, not compiled'}\n")
+        print(f"our inner loops: {'compiled' if kernels.svd is not of_numpy.svd else 'numpy, not compiled'}\n")
         print("median of one control step [us]")
         print("  step:    LineServo.step, with all checks of its input and everything its state says")
         print("  core:    L, its singular value decomposition, twist, inverse condition number")
@@ -75,7 +76,7 @@ def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
 
     def of_numpy() -> tuple[np.ndarray, float]:
         matrix = np.empty((3 * len(seen), 6))
-        kernels.interaction_matrix_of_numpy(seen.direction, seen.moment, matrix, 1e-9)
+        of_numpy.interaction_matrix(seen.direction, seen.moment, matrix, 1e-9)
         return -GAIN * np.linalg.pinv(matrix) @ (project_lines(seen) - target), 1.0 / np.linalg.cond(matrix)
 
     candidates = (

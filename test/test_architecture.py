@@ -12,8 +12,19 @@ FILES = sorted(ROOT.rglob("*.py"))
 ROS = {"rclpy", "plsing_msgs", "rcl_interfaces", "builtin_interfaces", "rosgraph_msgs", "domain_coordinator"}
 
 # Each folder may import itself and those before it.
-ORDER = ["geometry", "features", "singularities", "parameters", "pose", "servoing", "experiments", "nodes", "cli"]
-TOP_LEVEL = {"errors", "arrays", "kernels"}
+ORDER = [
+    "kernels",
+    "geometry",
+    "features",
+    "singularities",
+    "parameters",
+    "pose",
+    "servoing",
+    "experiments",
+    "nodes",
+    "cli",
+]
+TOP_LEVEL = {"errors", "arrays"}
 
 
 def imported_modules(file):

@@ -393,8 +393,8 @@ def package_sources():
     """Return what plsing_ros is installed from, less what the install links to: edits there need nothing."""
     linked = [*sorted((ROOT / "config").rglob("*.*")), ROOT / "plsing_ros" / "__init__.py"]
     names = "\n".join(str(path) for path in linked if path.exists())
-    built = ("package.xml", "setup.py", "setup.cfg", "resource/plsing_ros", "plsing_ros/_kernels.c")
-    return names + contents(ROOT / name for name in built)
+    built = [ROOT / name for name in ("package.xml", "setup.py", "setup.cfg", "resource/plsing_ros")]
+    return names + contents([*built, *sorted((ROOT / "plsing_ros" / "kernels").glob("*.[ch]"))])
 
 
 def contents(files):

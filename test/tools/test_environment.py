@@ -22,8 +22,7 @@ def tree(tmp_path):
         shutil.copytree(ROOT / name, tmp_path / "tree" / name)
     for name in ("package.xml", "setup.py", "setup.cfg"):
         shutil.copy(ROOT / name, tmp_path / "tree")
-    (tmp_path / "tree" / "plsing_ros").mkdir()
-    shutil.copy(ROOT / "plsing_ros" / "_kernels.c", tmp_path / "tree" / "plsing_ros")
+    shutil.copytree(ROOT / "plsing_ros" / "kernels", tmp_path / "tree" / "plsing_ros" / "kernels")
     return tmp_path / "tree"
 
 

@@ -6,33 +6,35 @@ import pytest
 from hypothesis import given
 from strategies import numbers, seen_lines
 
-from plsing_ros import _kernels, kernels
+from plsing_ros import kernels
 from plsing_ros.geometry import Pose
+from plsing_ros.kernels import compiled, of_numpy
 
-NAMES = [name for name in kernels.__all__ if name != "COMPILED"]
-COMPILED = {name: getattr(_kernels, name) for name in NAMES}
-OF_NUMPY = {name: getattr(kernels, f"{name}_of_numpy") for name in NAMES}
-BOTH = pytest.mark.parametrize("the", [COMPILED, OF_NUMPY], ids=["compiled", "numpy"])
+BOTH = pytest.mark.parametrize("the", [compiled, of_numpy], ids=["compiled", "numpy"])
 LEAST_DEPTH = 1e-9
 
 
 def decomposed(the, matrix):
     m, k = matrix.shape
     parts = np.empty((m, k)), np.empty(k), np.empty((k, k))
-    assert the["svd"](matrix, *parts)
+    assert the.svd(matrix, *parts)
     return parts
 
 
 def test_the_compiled_ones_are_in_use():
-    assert kernels.COMPILED
-    assert all(getattr(kernels, name) is COMPILED[name] for name in NAMES)
+    assert all(getattr(kernels, name) is getattr(compiled, name) for name in kernels.__all__)
+
+
+def test_each_has_a_twin():
+    public = {name for name in dir(compiled) if not name.startswith("_")}
+    assert public == set(kernels.__all__) == set(of_numpy.__all__)
 
 
 @given(lines=seen_lines(min_size=1))
 def test_interaction_matrices_agree(lines):
     matrices = [np.empty((3 * len(lines), 6)) for _ in range(2)]
-    for the, matrix in zip((COMPILED, OF_NUMPY), matrices, strict=True):
-        assert the["interaction_matrix"](lines.direction, lines.moment, matrix, LEAST_DEPTH)
+    for the, matrix in zip((compiled, of_numpy), matrices, strict=True):
+        assert the.interaction_matrix(lines.direction, lines.moment, matrix, LEAST_DEPTH)
     np.testing.assert_allclose(*matrices, rtol=1e-13, atol=1e-14 * np.abs(matrices[0]).max())
 
 
@@ -98,41 +100,41 @@ def test_svd_of_some_columns(the, columns):
 def test_svd_refuses_what_is_not_finite(the, value):
     matrix = np.ones((12, 6))
     matrix[7, 2] = value
-    assert not the["svd"](matrix, np.empty((12, 6)), np.empty(6), np.empty((6, 6)))
+    assert not the.svd(matrix, np.empty((12, 6)), np.empty(6), np.empty((6, 6)))
 
 
 @BOTH
 def test_svd_refuses_what_overflows(the):
-    assert not the["svd"](np.full((7, 6), 1e308), np.empty((7, 6)), np.empty(6), np.empty((6, 6)))
+    assert not the.svd(np.full((7, 6), 1e308), np.empty((7, 6)), np.empty(6), np.empty((6, 6)))
 
 
 @BOTH
 @given(lines=seen_lines(min_size=1), error=numbers(2e-6, 1e6))
 def test_are_lines_refuses_what_is_no_line(the, lines, error):
     u, l = lines.direction, lines.moment  # noqa: E741, the literature's name
-    assert the["are_lines"](u, l, 1e-6)
-    assert not the["are_lines"](u * (1.0 + error), l, 1e-6)
+    assert the.are_lines(u, l, 1e-6)
+    assert not the.are_lines(u * (1.0 + error), l, 1e-6)
     skewed = l.copy()
     skewed[-1] += error * (1.0 + np.abs(l[-1]).max()) * 4.0 * u[-1]
-    assert not the["are_lines"](u, skewed, 1e-6)
+    assert not the.are_lines(u, skewed, 1e-6)
     for value in (np.nan, np.inf):
         for array in (u, l):
             bad = array.copy()
             bad[-1, 1] = value
-            assert not the["are_lines"](bad if array is u else u, bad if array is l else l, 1e-6)
+            assert not the.are_lines(bad if array is u else u, bad if array is l else l, 1e-6)
 
 
 @BOTH
 def test_images(the):
     good = np.array([[0.6, -0.8, 5.0], [0.0, 1.0, 0.0]])
-    assert the["are_image_lines"](good, 1e-3)
-    assert the["are_image_lines"](good * 1.0009, 1e-3)
-    assert not the["are_image_lines"](good * 1.0011, 1e-3)
+    assert the.are_image_lines(good, 1e-3)
+    assert the.are_image_lines(good * 1.0009, 1e-3)
+    assert not the.are_image_lines(good * 1.0011, 1e-3)
     for value in (np.nan, np.inf):
         for column in range(3):
             bad = good.copy()
             bad[1, column] = value
-            assert not the["are_image_lines"](bad, 1e-3)
+            assert not the.are_image_lines(bad, 1e-3)
 
 
 @BOTH
@@ -142,18 +144,18 @@ def test_images(the):
 )
 def test_a_line_has_an_image_if_it_is_clear_of_camera_centre_and_focal_plane(the, moment, has_image):
     moments = np.array([[1.0, 2.0, 3.0], moment])
-    assert the["have_images"](moments, LEAST_DEPTH) is has_image
-    assert the["interaction_matrix"](np.ones((2, 3)), moments, np.empty((6, 6)), LEAST_DEPTH) is has_image
+    assert the.have_images(moments, LEAST_DEPTH) is has_image
+    assert the.interaction_matrix(np.ones((2, 3)), moments, np.empty((6, 6)), LEAST_DEPTH) is has_image
 
 
 @BOTH
 def test_rotations(the):
     rotation = Pose.looking_at([1, 2, 3], [0.3, 0.1, 0.2]).rotation
-    assert the["is_rotation"](rotation, 1e-6)
-    assert not the["is_rotation"](-rotation, 1e-6)
-    assert not the["is_rotation"](rotation * 1.001, 1e-6)
-    assert not the["is_rotation"](np.full((3, 3), np.nan), 1e-6)
-    assert not the["is_rotation"](np.diag([np.inf, 0.0, 0.0]), 1e-6)
+    assert the.is_rotation(rotation, 1e-6)
+    assert not the.is_rotation(-rotation, 1e-6)
+    assert not the.is_rotation(rotation * 1.001, 1e-6)
+    assert not the.is_rotation(np.full((3, 3), np.nan), 1e-6)
+    assert not the.is_rotation(np.diag([np.inf, 0.0, 0.0]), 1e-6)
 
 
 @pytest.mark.parametrize(
@@ -171,17 +173,17 @@ def test_rotations(the):
 )
 def test_arrays_that_do_not_fit_are_refused_before_they_are_touched(name, arguments):
     with pytest.raises(ValueError, match=r"not float64 or of a wrong size|C-contiguous|1 to 6 singular values"):
-        COMPILED[name](*arguments)
+        getattr(compiled, name)(*arguments)
 
 
 def test_a_read_only_result_is_refused():
     matrix = np.empty((6, 6))
     matrix.setflags(write=False)
     with pytest.raises(ValueError, match="read-only"):
-        _kernels.interaction_matrix(np.ones((2, 3)), np.ones((2, 3)), matrix, LEAST_DEPTH)
+        compiled.interaction_matrix(np.ones((2, 3)), np.ones((2, 3)), matrix, LEAST_DEPTH)
 
 
 @pytest.mark.parametrize("arguments", [(), (np.eye(3),), (np.eye(3), "tolerance"), (3, 1e-6), (np.eye(3), 1e-6, 1)])
 def test_wrong_arguments_are_type_errors(arguments):
     with pytest.raises(TypeError):
-        _kernels.is_rotation(*arguments)
+        compiled.is_rotation(*arguments)

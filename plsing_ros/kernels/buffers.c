@@ -1,0 +1,43 @@
+/* Arrays through the buffer protocol. */
+
+#include "kernels.h"
+
+#include <string.h>
+
+#define MOST_ROWS 1000000
+
+Py_ssize_t take_arrays(PyObject *const *objects, const int *columns, int count, int written, Py_buffer *buffers)
+{
+    Py_ssize_t rows = 0;
+    for (int i = 0; i < count; i++) {
+        int flags = PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (i >= count - written ? PyBUF_WRITABLE : 0);
+        if (PyObject_GetBuffer(objects[i], &buffers[i], flags) == 0) {
+            Py_ssize_t length = buffers[i].len / (Py_ssize_t)sizeof(double);
+            if (i == 0 && columns[0] > 0)
+                rows = length / columns[0];
+            if (strcmp(buffers[i].format, "d") == 0 && rows <= MOST_ROWS &&
+                length == (columns[i] > 0 ? columns[i] * rows : -columns[i]))
+                continue;
+            PyBuffer_Release(&buffers[i]);
+            PyErr_Format(PyExc_ValueError, "array %d is not float64 or of a wrong size", i);
+        }
+        while (i-- > 0)
+            PyBuffer_Release(&buffers[i]);
+        return -1;
+    }
+    return rows;
+}
+
+void release_arrays(Py_buffer *buffers, int count)
+{
+    while (count-- > 0)
+        PyBuffer_Release(&buffers[count]);
+}
+
+int are_arguments(Py_ssize_t given, Py_ssize_t expected)
+{
+    if (given == expected)
+        return 1;
+    PyErr_Format(PyExc_TypeError, "%zd arguments given, %zd expected", given, expected);
+    return 0;
+}
