@@ -1,8 +1,8 @@
 """The inner loops of every cycle: compiled where the package was built with a C compiler, else made of numpy.
 
 Both give the same numbers to rounding. They fill arrays that the caller has made, C-contiguous and float64, and check
-nothing of them but what they say; use them through LineSet, interaction_matrix and factorised. The Python files say
-what they do, a topic each.
+nothing of them but what they say; use them through LineSet, interaction_matrix, factorised and solved. The Python files
+say what they do, a topic each.
 """
 
 try:
@@ -12,6 +12,8 @@ try:
         have_images,
         interaction_matrix,
         is_rotation,
+        solve,
+        subtract,
         svd,
     )
 except ImportError:
@@ -21,7 +23,18 @@ except ImportError:
         have_images,
         interaction_matrix,
         is_rotation,
+        solve,
+        subtract,
         svd,
     )
 
-__all__ = ["are_image_lines", "are_lines", "have_images", "interaction_matrix", "is_rotation", "svd"]
+__all__ = [
+    "are_image_lines",
+    "are_lines",
+    "have_images",
+    "interaction_matrix",
+    "is_rotation",
+    "solve",
+    "subtract",
+    "svd",
+]

@@ -41,3 +41,13 @@ int are_arguments(Py_ssize_t given, Py_ssize_t expected)
     PyErr_Format(PyExc_TypeError, "%zd arguments given, %zd expected", given, expected);
     return 0;
 }
+
+int count_columns(PyObject *array)
+{
+    Py_ssize_t length = PyObject_Length(array);
+    if (length >= 1 && length <= MOST_COLUMNS)
+        return (int)length;
+    if (!PyErr_Occurred())
+        PyErr_SetString(PyExc_ValueError, "there must be 1 to 6 singular values");
+    return -1;
+}

@@ -9,6 +9,8 @@ static PyMethodDef methods[] = {
     METHOD(have_images),
     METHOD(interaction_matrix),
     METHOD(is_rotation),
+    METHOD(solve),
+    METHOD(subtract),
     METHOD(svd),
     {NULL, NULL, 0, NULL},
 };

@@ -13,6 +13,7 @@
 #include <Python.h>
 
 #define MOST_COLUMNS 6
+#define ROWS_ON_STACK 128
 
 /* buffers.c */
 
@@ -25,6 +26,8 @@ Py_ssize_t take_arrays(PyObject *const *objects, const int *columns, int count, 
 void release_arrays(Py_buffer *buffers, int count);
 /* Return whether that many arguments were given, or 0 with an exception set. */
 int are_arguments(Py_ssize_t given, Py_ssize_t expected);
+/* Return the length of an array that has an element for each column of a matrix, or -1 with an exception set. */
+int count_columns(PyObject *array);
 
 /* lines.c */
 
@@ -33,8 +36,23 @@ double largest_element(const double *vector);
 
 /* singular_values.c */
 
-/* Decompose `matrix` (m, k); `room` has space for as many numbers. Return whether it and its factors are finite. */
-int decompose(const double *matrix, Py_ssize_t m, int k, double *room, double *left, double *values, double *right);
+/* The thin singular value decomposition of a matrix (m, k), its left singular vectors as a product of reflections. */
+struct decomposition {
+    Py_ssize_t m;
+    int k;
+    double beta[MOST_COLUMNS];
+    double rows[MOST_COLUMNS][2 * MOST_COLUMNS]; /* right singular vectors, then left ones of the triangular factor */
+    double *vectors;                             /* of the reflections */
+    double *room, on_stack[2 * MOST_COLUMNS * ROWS_ON_STACK];
+};
+
+/* Fill `values` (k) and `right` (k, k), and return whether the matrix and they are finite; then, or else, release. */
+int decompose(const double *matrix, Py_ssize_t m, int k, struct decomposition *d, double *values, double *right);
+void release_decomposition(struct decomposition *d);
+/* Fill `left` (m, k). */
+void left_vectors(const struct decomposition *d, double *left);
+/* Fill `components` (k) with the transpose of `left` times `vector` (m). */
+void along_left_vectors(struct decomposition *d, const double *vector, double *components);
 
 /* What Python calls, listed in compiled.c. */
 
@@ -44,6 +62,8 @@ FUNCTION(are_lines);
 FUNCTION(have_images);
 FUNCTION(interaction_matrix);
 FUNCTION(is_rotation);
+FUNCTION(solve);
+FUNCTION(subtract);
 FUNCTION(svd);
 
 #endif

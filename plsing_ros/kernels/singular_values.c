@@ -1,86 +1,133 @@
-/* The thin singular value decomposition of a matrix of few columns: Householder's QR, then Jacobi's one-sided
- * rotations of the triangular factor. */
+/* The thin singular value decomposition of a matrix of few columns: Householder's QR with pivots, then Jacobi's
+ * one-sided rotations of the triangular factor. */
 
 #include "kernels.h"
 
 #include <math.h>
 #include <string.h>
 
-#define ROWS_ON_STACK 128
 #define MOST_SWEEPS 60
 /* Squares below this, of rows of a matrix whose largest element is about one, are as good as zero: far below rounding,
  * far above where products of two of them underflow. */
 #define NOTHING 1e-60
 
-static double dot(const double *a, const double *b, Py_ssize_t n)
+/* Vectors have MOST_COLUMNS elements, the last ones zero for a matrix of fewer columns, so that these loops become a
+ * few instructions each. */
+static double dot(const double *a, const double *b)
 {
-    double sums[4] = {0.0, 0.0, 0.0, 0.0};
-    Py_ssize_t i = 0;
-    for (; i + 4 <= n; i += 4)
-        for (int j = 0; j < 4; j++)
-            sums[j] += a[i + j] * b[i + j];
-    for (; i < n; i++)
-        sums[0] += a[i] * b[i];
-    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+    double even = 0.0, odd = 0.0;
+    for (int i = 0; i < MOST_COLUMNS; i += 2) {
+        even += a[i] * b[i];
+        odd += a[i + 1] * b[i + 1];
+    }
+    return even + odd;
 }
 
-static void add(double *a, double factor, const double *b, Py_ssize_t n)
+static void subtract_multiple(double *a, double factor, const double *b)
 {
-    for (Py_ssize_t i = 0; i < n; i++)
-        a[i] += factor * b[i];
+    for (int i = 0; i < MOST_COLUMNS; i++)
+        a[i] -= factor * b[i];
 }
 
 /* (a, b) <- (c a - s b, s a + c b) */
-static void rotate(double *a, double *b, double c, double s, int n)
+static void rotate(double *restrict a, double *restrict b, double c, double s)
 {
-    for (int i = 0; i < n; i++) {
+    for (int i = 0; i < 2 * MOST_COLUMNS; i++) {
         double x = a[i], y = b[i];
         a[i] = c * x - s * y;
         b[i] = s * x + c * y;
     }
 }
 
-/* Overwrite the rows `x` of a matrix's transpose (k, m) by Householder vectors, whose factors are `beta`, and return
- * the triangular factor of the matrix in `r` (k, k). */
-static void triangularise(double *x, Py_ssize_t m, int k, double *beta, double *r)
+/* Multiply `x` (m, width) by 1 - beta v v' from the left. */
+static inline void reflect(const double *restrict v, double beta, double *restrict x, int width, Py_ssize_t m)
 {
-    for (int c = 0; c < k; c++) {
-        double *v = x + c * m + c;
-        Py_ssize_t length = m - c;
-        double square = dot(v, v, length), norm = sqrt(square);
+    double products[MOST_COLUMNS] = {0.0};
+    for (Py_ssize_t i = 0; i < m; i++)
+        for (int j = 0; j < width; j++)
+            products[j] += v[i] * x[i * width + j];
+    for (int j = 0; j < width; j++)
+        products[j] *= beta;
+    for (Py_ssize_t i = 0; i < m; i++)
+        for (int j = 0; j < width; j++)
+            x[i * width + j] -= v[i] * products[j];
+}
+
+/* Reflect `x` (m, MOST_COLUMNS) until it is triangular but for the order of its columns; note the reflections, and the
+ * triangular factor in the first half of `rows`.
+ *
+ * With the longest column first, Jacobi's rotations have a third less to do. */
+static void triangularise(double *x, struct decomposition *d)
+{
+    double squares[MOST_COLUMNS] = {0.0};
+    int done[MOST_COLUMNS] = {0};
+    for (Py_ssize_t i = 0; i < d->m; i++)
+        for (int j = 0; j < MOST_COLUMNS; j++)
+            squares[j] += x[i * MOST_COLUMNS + j] * x[i * MOST_COLUMNS + j];
+    for (int c = 0; c < d->k; c++) {
+        int pivot = -1;
+        for (int j = 0; j < d->k; j++)
+            if (!done[j] && (pivot < 0 || squares[j] > squares[pivot]))
+                pivot = j;
+        done[pivot] = 1;
+        Py_ssize_t length = d->m - c;
+        double *top = x + c * MOST_COLUMNS, *v = d->vectors + c * d->m, square = 0.0;
+        for (Py_ssize_t i = 0; i < length; i++) {
+            v[i] = top[i * MOST_COLUMNS + pivot];
+            square += v[i] * v[i];
+        }
         /* A column that is as good as zero is left as it is. */
-        double diagonal = square < NOTHING ? v[0] : v[0] > 0.0 ? -norm : norm;
+        int nothing = square < NOTHING;
+        double diagonal = nothing ? v[0] : -copysign(sqrt(square), v[0]);
         v[0] -= diagonal;
-        beta[c] = square < NOTHING ? 0.0 : -1.0 / (diagonal * v[0]);
-        r[c * k + c] = diagonal;
-        for (int j = c + 1; j < k; j++) {
-            double *column = x + j * m + c;
-            add(column, -beta[c] * dot(v, column, length), v, length);
-            r[c * k + j] = column[0];
-            r[j * k + c] = 0.0;
+        d->beta[c] = nothing ? 0.0 : -1.0 / (diagonal * v[0]);
+        reflect(v, d->beta[c], top, MOST_COLUMNS, length);
+        for (int j = 0; j < MOST_COLUMNS; j++) {
+            d->rows[c][j] = j == pivot ? diagonal : done[j] ? 0.0 : top[j];
+            /* Inexact, but nothing depends on it except the order of columns. */
+            squares[j] -= top[j] * top[j];
         }
     }
 }
 
-/* Rotate the rows of `r` (k, k) until they are orthogonal, and those of `w` alike; return whether that succeeded.
+static void exchange(double *restrict a, double *restrict b)
+{
+    for (int i = 0; i < 2 * MOST_COLUMNS; i++) {
+        double x = a[i];
+        a[i] = b[i];
+        b[i] = x;
+    }
+}
+
+/* Rotate the `rows` until their first halves are orthogonal, the longest first, and return whether that succeeded;
+ * `squares` become those of their lengths.
  *
  * One-sided Jacobi: it leaves no singular value with a larger error than the triangular factor itself has. */
-static int orthogonalise_rows(double *r, double *w, int k)
+static int orthogonalise(double rows[][2 * MOST_COLUMNS], double *squares, int k)
 {
     for (int sweep = 0; sweep < MOST_SWEEPS; sweep++) {
         int done = 1;
+        for (int p = 0; p < k; p++)
+            squares[p] = dot(rows[p], rows[p]);
         for (int p = 0; p < k - 1; p++)
             for (int q = p + 1; q < k; q++) {
-                double *a = r + p * k, *b = r + q * k;
-                double aa = dot(a, a, k), bb = dot(b, b, k), ab = dot(a, b, k);
-                if (!(ab * ab > 1e-31 * aa * bb) || aa < NOTHING || bb < NOTHING)
-                    continue;
-                done = 0;
-                double zeta = (bb - aa) / (2.0 * ab);
-                double tangent = copysign(1.0, zeta) / (fabs(zeta) + hypot(1.0, zeta));
-                double cosine = 1.0 / sqrt(1.0 + tangent * tangent);
-                rotate(a, b, cosine, cosine * tangent, k);
-                rotate(w + p * k, w + q * k, cosine, cosine * tangent, k);
+                double aa = squares[p], bb = squares[q];
+                if (aa < bb) {
+                    aa = squares[q];
+                    bb = squares[p];
+                    exchange(rows[p], rows[q]);
+                    done = 0;
+                }
+                double ab = dot(rows[p], rows[q]), tangent = 0.0;
+                if (ab * ab > 1e-31 * aa * bb && bb >= NOTHING) {
+                    double zeta = (bb - aa) / (2.0 * ab);
+                    tangent = copysign(1.0, zeta) / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
+                    double cosine = 1.0 / sqrt(1.0 + tangent * tangent);
+                    rotate(rows[p], rows[q], cosine, cosine * tangent);
+                    done = 0;
+                }
+                squares[p] = aa - tangent * ab;
+                squares[q] = bb + tangent * ab;
             }
         if (done)
             return 1;
@@ -88,106 +135,118 @@ static int orthogonalise_rows(double *r, double *w, int k)
     return 0;
 }
 
-/* Make row `which` of orthonormal rows `v` (k, k) a unit vector orthogonal to those before it. */
-static void complete(double *v, int which, int k)
+/* Make the first half of row `which`, the others being orthonormal, a unit vector orthogonal to those before it. */
+static void complete(double rows[][2 * MOST_COLUMNS], int which, int k)
 {
-    double *row = v + which * k, best = 0.0, candidate[MOST_COLUMNS];
+    double best = 0.0;
     for (int axis = 0; axis < k; axis++) {
-        memset(candidate, 0, sizeof candidate);
+        double candidate[MOST_COLUMNS] = {0.0};
         candidate[axis] = 1.0;
         /* Twice, because the first time leaves rounding errors. */
         for (int j = 0; j < 2 * which; j++) {
-            const double *other = v + (j % which) * k;
-            add(candidate, -dot(other, candidate, k), other, k);
+            const double *other = rows[j % which];
+            subtract_multiple(candidate, dot(other, candidate), other);
         }
-        double norm = sqrt(dot(candidate, candidate, k));
+        double norm = sqrt(dot(candidate, candidate));
         if (norm > best) {
             best = norm;
-            for (int i = 0; i < k; i++)
-                row[i] = candidate[i] / norm;
+            for (int i = 0; i < MOST_COLUMNS; i++)
+                rows[which][i] = candidate[i] / norm;
         }
     }
 }
 
-/* For six columns, LAPACK's dgesdd takes two to four times as long, most of it before the first multiplication. */
-int decompose(const double *matrix, Py_ssize_t m, int k, double *x, double *left, double *values, double *right)
+/* For six columns, LAPACK's dgesdd takes five to ten times as long, most of it before the first multiplication. */
+int decompose(const double *matrix, Py_ssize_t m, int k, struct decomposition *d, double *values, double *right)
 {
-    double beta[MOST_COLUMNS], r[MOST_COLUMNS * MOST_COLUMNS], w[MOST_COLUMNS * MOST_COLUMNS] = {0.0};
-    double norms[MOST_COLUMNS], size = 0.0, not_finite = 0.0;
+    double size = 0.0, not_finite = 0.0;
     for (Py_ssize_t i = 0; i < m * k; i++) {
-        size = fmax(size, fabs(matrix[i]));
-        not_finite += 0.0 * matrix[i];
+        double magnitude = fabs(matrix[i]);
+        size = magnitude > size ? magnitude : size;
+        not_finite += 0.0 * magnitude;
     }
-    if (not_finite != 0.0)
+    d->room = m > ROWS_ON_STACK ? PyMem_RawMalloc(2 * MOST_COLUMNS * m * sizeof(double)) : d->on_stack;
+    if (m < k || not_finite != 0.0 || !d->room)
         return 0;
     /* Squares neither over- nor underflow: the largest element becomes about one, without rounding. */
     int exponent = 0;
     frexp(size, &exponent);
     exponent = exponent < -1000 ? -1000 : exponent;
-    double scale = ldexp(1.0, -exponent);
+    double scale = ldexp(1.0, -exponent), *x = d->room, squares[MOST_COLUMNS];
     for (Py_ssize_t i = 0; i < m; i++)
-        for (int j = 0; j < k; j++)
-            x[j * m + i] = matrix[i * k + j] * scale;
-    triangularise(x, m, k, beta, r);
-    for (int j = 0; j < k; j++)
-        w[j * k + j] = 1.0;
-    if (!orthogonalise_rows(r, w, k))
+        for (int j = 0; j < MOST_COLUMNS; j++)
+            x[i * MOST_COLUMNS + j] = j < k ? matrix[i * k + j] * scale : 0.0;
+    d->m = m;
+    d->k = k;
+    d->vectors = x + m * MOST_COLUMNS;
+    triangularise(x, d);
+    for (int i = 0; i < k; i++)
+        for (int j = 0; j < MOST_COLUMNS; j++)
+            d->rows[i][MOST_COLUMNS + j] = i == j;
+    if (!orthogonalise(d->rows, squares, k))
         return 0;
-    int order[MOST_COLUMNS];
     for (int j = 0; j < k; j++) {
-        norms[j] = sqrt(dot(r + j * k, r + j * k, k));
-        int place = j;
-        for (; place > 0 && norms[order[place - 1]] < norms[j]; place--)
-            order[place] = order[place - 1];
-        order[place] = j;
-    }
-    for (int j = 0; j < k; j++) {
-        const double *row = r + order[j] * k, norm = norms[order[j]];
+        double norm = sqrt(squares[j]);
         values[j] = ldexp(norm, exponent);
-        if (norm * norm < NOTHING)
-            complete(right, j, k);
+        if (squares[j] < NOTHING)
+            complete(d->rows, j, k);
         else
             for (int i = 0; i < k; i++)
-                right[j * k + i] = row[i] / norm;
-        for (Py_ssize_t i = 0; i < m; i++)
-            left[i * k + j] = i < k ? w[order[j] * k + i] : 0.0;
-    }
-    for (int c = k - 1; c >= 0; c--) {
-        const double *v = x + c * m;
-        double products[MOST_COLUMNS] = {0.0};
-        for (Py_ssize_t i = c; i < m; i++)
-            for (int j = 0; j < k; j++)
-                products[j] += v[i] * left[i * k + j];
-        for (Py_ssize_t i = c; i < m; i++)
-            for (int j = 0; j < k; j++)
-                left[i * k + j] -= beta[c] * v[i] * products[j];
+                d->rows[j][i] /= norm;
+        for (int i = 0; i < k; i++)
+            right[j * k + i] = d->rows[j][i];
     }
     return isfinite(values[0]);
+}
+
+void release_decomposition(struct decomposition *d)
+{
+    if (d->room != d->on_stack)
+        PyMem_RawFree(d->room);
+}
+
+void left_vectors(const struct decomposition *d, double *left)
+{
+    int k = d->k;
+    for (Py_ssize_t i = 0; i < d->m; i++)
+        for (int j = 0; j < k; j++)
+            left[i * k + j] = i < k ? d->rows[j][MOST_COLUMNS + i] : 0.0;
+    for (int c = k - 1; c >= 0; c--) {
+        const double *v = d->vectors + c * d->m;
+        if (k == MOST_COLUMNS)
+            reflect(v, d->beta[c], left + c * MOST_COLUMNS, MOST_COLUMNS, d->m - c);
+        else
+            reflect(v, d->beta[c], left + c * k, k, d->m - c);
+    }
+}
+
+void along_left_vectors(struct decomposition *d, const double *vector, double *components)
+{
+    double *reflected = d->room;
+    memcpy(reflected, vector, d->m * sizeof(double));
+    for (int c = 0; c < d->k; c++)
+        reflect(d->vectors + c * d->m, d->beta[c], reflected + c, 1, d->m - c);
+    for (int j = 0; j < d->k; j++) {
+        components[j] = 0.0;
+        for (int i = 0; i < d->k; i++)
+            components[j] += d->rows[j][MOST_COLUMNS + i] * reflected[i];
+    }
 }
 
 PyObject *svd(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Py_buffer buffers[4];
     (void)self;
-    if (!are_arguments(count, 4))
+    int k = are_arguments(count, 4) ? count_columns(args[2]) : -1;
+    const int columns[] = {k, k, -k, -k * k};
+    Py_ssize_t m = k > 0 ? take_arrays(args, columns, 4, 3, buffers) : -1;
+    if (m < 0)
         return NULL;
-    int width = (int)PyObject_Length(args[2]);
-    if (width < 1 || width > MOST_COLUMNS) {
-        if (!PyErr_Occurred())
-            PyErr_SetString(PyExc_ValueError, "there must be 1 to 6 singular values");
-        return NULL;
-    }
-    const int columns[] = {width, width, -width, -width * width};
-    Py_ssize_t rows = take_arrays(args, columns, 4, 3, buffers);
-    if (rows < 0)
-        return NULL;
-    double on_stack[MOST_COLUMNS * ROWS_ON_STACK];
-    size_t size = rows * width * sizeof(double);
-    double *room = size <= sizeof on_stack ? on_stack : PyMem_RawMalloc(size);
-    int good = room && rows >= width &&
-               decompose(buffers[0].buf, rows, width, room, buffers[1].buf, buffers[2].buf, buffers[3].buf);
-    if (room != on_stack)
-        PyMem_RawFree(room);
+    struct decomposition d;
+    int good = decompose(buffers[0].buf, m, k, &d, buffers[2].buf, buffers[3].buf);
+    if (good)
+        left_vectors(&d, buffers[1].buf);
+    release_decomposition(&d);
     release_arrays(buffers, 4);
     return PyBool_FromLong(good);
 }

@@ -4,7 +4,8 @@ import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
-from strategies import numbers, seen_lines
+from hypothesis import strategies as st
+from strategies import numbers, seen_lines, vectors
 
 from plsing_ros import kernels
 from plsing_ros.geometry import Pose
@@ -108,6 +109,101 @@ def test_svd_refuses_what_overflows(the):
     assert not the.svd(np.full((7, 6), 1e308), np.empty((7, 6)), np.empty(6), np.empty((6, 6)))
 
 
+def solution(the, matrix, right_side, factor, threshold):
+    """Singular values, right singular vectors, components and solution."""
+    k = matrix.shape[1]
+    parts = np.empty(k), np.empty((k, k)), np.empty(k), np.empty(k)
+    assert the.solve(matrix, right_side, *parts, factor, threshold)
+    return parts
+
+
+@BOTH
+@pytest.mark.parametrize("rows", [6, 12, 300])
+@pytest.mark.parametrize("condition", [1e2, 1e6])
+def test_solve_is_least_squares_to_rounding_of_the_matrix(the, rows, condition):
+    generator = np.random.default_rng(rows)
+    left = np.linalg.qr(generator.normal(size=(rows, 6)))[0]
+    right = np.linalg.qr(generator.normal(size=(6, 6)))[0]
+    matrix, right_side = left * np.geomspace(1.0, 1.0 / condition, 6) @ right, generator.normal(size=rows)
+    with mpmath.workdps(50):
+        a, b = mpmath.matrix(matrix.tolist()), mpmath.matrix(right_side.tolist())
+        exact = np.array((mpmath.lu_solve(a.T * a, a.T * b)).T.tolist()[0], dtype=float)
+    *_, found = solution(the, matrix, right_side, -0.1, 0.0)
+    # A change of the matrix by rounding moves the solution by the residual times the condition number squared.
+    np.testing.assert_allclose(found, -0.1 * exact, atol=1e-14 * condition**2 * np.linalg.norm(right_side))
+
+
+@BOTH
+@given(lines=seen_lines(min_size=3), factor=numbers(-10.0, 10.0), threshold=st.sampled_from([0.0, 1e-6, 0.1]))
+def test_solve_is_made_of_the_parts_that_it_gives(the, lines, factor, threshold):
+    matrix = np.empty((3 * len(lines), 6))
+    assert the.interaction_matrix(lines.direction, lines.moment, matrix, LEAST_DEPTH)
+    right_side = lines.moment.ravel() / np.abs(lines.moment).max()
+    left, values, right = decomposed(the, matrix)
+    parts = solution(the, matrix, right_side, factor, threshold)
+    np.testing.assert_array_equal(parts[0], values)
+    np.testing.assert_array_equal(parts[1], right)
+    np.testing.assert_allclose(parts[2], factor * (left.T @ right_side), atol=1e-13 * np.linalg.norm(right_side) * 10.0)
+    kept = values > threshold * values[0]
+    along = np.divide(parts[2], values, where=kept, out=np.zeros(6))
+    np.testing.assert_allclose(parts[3], along @ right, rtol=1e-12, atol=1e-12 * np.abs(along).max())
+
+
+@BOTH
+@pytest.mark.parametrize("columns", [1, 3, 5])
+def test_solve_with_some_columns(the, columns):
+    generator = np.random.default_rng(columns)
+    matrix, right_side = generator.normal(size=(12, columns)), generator.normal(size=12)
+    expected = np.linalg.lstsq(matrix, right_side, rcond=None)[0]
+    np.testing.assert_allclose(solution(the, matrix, right_side, 1.0, 0.0)[3], expected, rtol=1e-12)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("matrix", "right_side", "expected"),
+    [
+        (np.zeros((9, 6)), np.ones(9), np.zeros(6)),
+        (np.diag([3.0, 0.0, 2.0, 0.0, 0.0, 1.0]), np.ones(6), [1 / 3, 0, 1 / 2, 0, 0, 1]),
+        (np.ones((9, 6)), np.ones(9), np.full(6, 1 / 6)),
+        (np.eye(6) * 1e-300, np.ones(6), np.full(6, 1e300)),
+        (np.eye(6) * 1e-300, np.full(6, 1e300), np.full(6, np.inf)),
+    ],
+    ids=["zero", "singular", "rank one", "tiny", "overflow"],
+)
+def test_solve_leaves_out_what_is_lost_and_says_what_overflows(the, matrix, right_side, expected):
+    *_, found = solution(the, matrix, right_side, 1.0, 1e-12)
+    if np.isfinite(expected).all():
+        np.testing.assert_allclose(found, expected, rtol=1e-13)
+    else:
+        assert not np.isfinite(found).all()
+
+
+@BOTH
+def test_solve_refuses_what_is_not_finite_in_the_matrix_and_passes_it_on_from_the_right_side(the):
+    matrix, parts = np.vstack([np.eye(6), np.eye(6)]), (np.empty(6), np.empty((6, 6)), np.empty(6), np.empty(6))
+    assert the.solve(matrix, np.full(12, np.nan), *parts, 1.0, 0.0) and np.isnan(parts[3]).all()
+    matrix[7, 2] = np.inf
+    assert not the.solve(matrix, np.ones(12), *parts, 1.0, 0.0)
+
+
+@BOTH
+@given(a=vectors(9, -1e3, 1e3), b=vectors(9, -1e3, 1e3), size=st.sampled_from([1e-300, 1e-160, 1.0, 1e160, 1e300]))
+def test_subtract_gives_difference_and_norm_of_any_size(the, a, b, size):
+    difference = np.empty(9)
+    norm = the.subtract(a * size, b * size, difference)
+    np.testing.assert_array_equal(difference, a * size - b * size)
+    largest = np.abs(difference).max()
+    expected = 0.0 if largest == 0.0 else largest * np.linalg.norm(difference / largest)
+    assert norm == pytest.approx(expected, rel=1e-14, abs=1e-320)
+
+
+@BOTH
+def test_subtract_says_what_overflows(the):
+    difference = np.empty(3)
+    assert the.subtract(np.full(3, 1e308), np.full(3, -1e308), difference) == np.inf
+    assert np.isinf(difference).all()
+
+
 @BOTH
 @given(lines=seen_lines(min_size=1), error=numbers(2e-6, 1e6))
 def test_are_lines_refuses_what_is_no_line(the, lines, error):
@@ -165,6 +261,9 @@ def test_rotations(the):
         ("svd", (np.ones((12, 6)), np.empty((11, 6)), np.empty(6), np.empty((6, 6)))),
         ("svd", (np.ones((12, 7)), np.empty((12, 7)), np.empty(7), np.empty((7, 7)))),
         ("svd", (np.ones((6, 12)).T, np.empty((12, 6)), np.empty(6), np.empty((6, 6)))),
+        ("solve", (np.ones((12, 6)), np.ones(11), np.empty(6), np.empty((6, 6)), np.empty(6), np.empty(6), 1.0, 0.0)),
+        ("solve", (np.ones((12, 6)), np.ones(12), np.empty(7), np.empty((7, 7)), np.empty(7), np.empty(7), 1.0, 0.0)),
+        ("subtract", (np.ones(4), np.ones(3), np.empty(4))),
         ("are_lines", (np.ones((4, 3)), np.ones((3, 3)), 1e-6)),
         ("are_lines", (np.ones((4, 3), dtype=np.float32), np.ones((4, 3)), 1e-6)),
         ("interaction_matrix", (np.ones((2, 3)), np.ones((2, 3)), np.ones((5, 6)), 1e-9)),

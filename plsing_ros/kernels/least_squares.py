@@ -1,0 +1,55 @@
+"""Differences of features, and the motion that makes up for them best: see least_squares.c."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.kernels.singular_values import svd
+
+
+def subtract(a: Array, b: Array, difference: Array) -> float:
+    """Fill a - b, shape (n,), and return its norm: infinite only if an element is, or if the norm itself is too large.
+
+    Args:
+        a: Shape (n,).
+        b: Shape (n,).
+        difference: Filled, shape (n,).
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        np.subtract(a, b, out=difference)
+    return math.hypot(*difference.tolist())
+
+
+def solve(
+    matrix: Array,
+    right_side: Array,
+    singular_values: Array,
+    right: Array,
+    components: Array,
+    solution: Array,
+    factor: float,
+    threshold: float,
+) -> bool:
+    """Fill the solution of least squares, by the singular value decomposition; return False if that of svd would.
+
+    Args:
+        matrix: Shape (m, k) with k <= 6 and m >= k.
+        right_side: Shape (m,).
+        singular_values: Filled as by svd, shape (k,).
+        right: Likewise, shape (k, k).
+        components: Filled with factor times those of the right side along the left singular vectors, shape (k,).
+        solution: Filled with factor times pinv(matrix) @ right_side, shape (k,).
+        factor: See above.
+        threshold: Singular values up to this times the largest are taken as zero.
+    """
+    left = np.empty(matrix.shape)
+    if not svd(matrix, left, singular_values, right):
+        return False
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        components[:] = factor * (right_side @ left)
+        kept = singular_values > threshold * singular_values[0]
+        solution[:] = np.divide(components, singular_values, where=kept, out=np.zeros_like(components)) @ right
+    return True
