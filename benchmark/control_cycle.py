@@ -10,7 +10,7 @@ import numpy as np
 from benchmark import visp
 from benchmark.timing import median_seconds
 from plsing_ros import kernels
-from plsing_ros.features import LineObservation, factorised, interaction_matrix, project_lines
+from plsing_ros.features import LineObservation, difference, factorised, interaction_matrix, project_lines, solved
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.kernels import of_numpy
 from plsing_ros.parameters import ControllerParameters, MonitorParameters
@@ -71,8 +71,9 @@ def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
     target = project_lines(lines.transformed(TARGET.inverse(), "camera"))
 
     def core() -> tuple[np.ndarray, float]:
-        factors = factorised(interaction_matrix(seen))
-        return -GAIN * factors.solve(image - target), factors.inverse_condition_number
+        error, _ = difference(image, target)
+        values, _, _, twist = solved(interaction_matrix(seen), error, -GAIN)
+        return twist, float(values[-1] / values[0])
 
     def of_numpy() -> tuple[np.ndarray, float]:
         matrix = np.empty((3 * len(seen), 6))

@@ -3,6 +3,7 @@
 from plsing_ros.features.conditioning import Conditioning, conditioning, inverse_condition_number
 from plsing_ros.features.factorisation import Factorisation, factorised
 from plsing_ros.features.interaction import interaction_matrix
+from plsing_ros.features.least_squares import Solution, difference, solved
 from plsing_ros.features.observation import LineObservation, LinesVerdict
 from plsing_ros.features.projection import degenerate_projections, image_depth, project_lines
 from plsing_ros.features.rank_basis import rank_basis
@@ -12,12 +13,15 @@ __all__ = [
     "Factorisation",
     "LineObservation",
     "LinesVerdict",
+    "Solution",
     "conditioning",
     "degenerate_projections",
+    "difference",
     "factorised",
     "image_depth",
     "interaction_matrix",
     "inverse_condition_number",
     "project_lines",
     "rank_basis",
+    "solved",
 ]

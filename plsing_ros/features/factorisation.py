@@ -58,13 +58,27 @@ def factorised(matrix: Array) -> Factorisation:
     Raises:
         GeometryError: If it has another shape or is not finite.
     """
+    rows = rows_of(matrix)
+    m, k = rows.shape
+    left, singular_values, right = np.empty((m, k)), np.empty(k), np.empty((k, k))
+    if not kernels.svd(rows, left, singular_values, right):
+        raise not_finite()
+    return Factorisation(left[: len(matrix)], singular_values, right)
+
+
+def rows_of(matrix: Array) -> Array:
+    """Return an interaction matrix, or some columns of it, as kernels want it: row after row, no fewer than columns.
+
+    Raises:
+        GeometryError: If it has another shape than (m, k), k from 1 to 6.
+    """
     if matrix.ndim != 2 or not 1 <= matrix.shape[1] <= 6:
         raise GeometryError(f"the interaction matrix has shape {matrix.shape}, expected (m, 6) or some columns of it")
     m, k = matrix.shape
     rows = np.ascontiguousarray(matrix, dtype=np.float64)
-    if m < k:
-        rows = np.vstack([rows, np.zeros((k - m, k))])
-    left, singular_values, right = np.empty((max(m, k), k)), np.empty(k), np.empty((k, k))
-    if not kernels.svd(rows, left, singular_values, right):
-        raise GeometryError("the interaction matrix holds values that are not finite")
-    return Factorisation(left if m >= k else left[:m], singular_values, right)
+    return rows if m >= k else np.vstack([rows, np.zeros((k - m, k))])
+
+
+def not_finite() -> GeometryError:
+    """Return the error for a matrix that cannot be decomposed."""
+    return GeometryError("the interaction matrix holds values that are not finite")

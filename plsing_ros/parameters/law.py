@@ -196,6 +196,18 @@ class LawParameters(TaskParameters):
             raise ParameterError("parameter 'degrees_of_freedom' has no 1; at least one must be left to move")
 
     @cached_property
+    def is_plain(self) -> bool:
+        """Whether the law is the paper's, tau = -gain pinv(L) (s - s*) with the present L, and no option is in use."""
+        return (
+            self.law == "pinv"
+            and self.interaction in ("auto", "current")
+            and self.gain_slope == 0.0
+            and self.integral_gain == 0.0
+            and all(self.degrees_of_freedom)
+            and not any(self.secondary_twist)
+        )
+
+    @cached_property
     def columns(self) -> tuple[int, ...]:
         """Which columns of L belong to the degrees of freedom in use."""
         return tuple(column for column, used in enumerate(self.degrees_of_freedom) if used)

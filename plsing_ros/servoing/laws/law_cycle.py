@@ -8,7 +8,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import interaction_matrix
+from plsing_ros.features import difference, interaction_matrix
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.command import Command, Mode
@@ -50,7 +50,7 @@ class LawCycle:
 
     def retarget(self, target: Target, T_scene_target: Pose | None) -> None:
         """Go on with another target; the integral stays, so that a target that moves can be followed."""
-        self._target = target
+        self.target = target
         if self._loci is None or T_scene_target is None:
             self._way = None
         elif self._way is None or not self._way.leads_to(T_scene_target):
@@ -78,14 +78,12 @@ class LawCycle:
         Raises:
             ObservationError: If the law needs something that the observation or the target lacks.
         """
-        try:
-            # What overflows ends as a twist that is not finite, which is looked for.
-            with np.errstate(over="ignore", invalid="ignore"):
-                if self.parameters.law == "detour":
-                    return self._along_the_way(lines, image, trust, stamp)
-                return self._servo(lines, image, None, None, trust, stamp)
-        except np.linalg.LinAlgError as problem:
-            raise ObservationError(f"the interaction matrix cannot be decomposed: {problem}") from None
+        if self.parameters.is_plain:
+            return self._servo(lines, image, None, None, trust, stamp)
+        with _may_overflow():
+            if self.parameters.law == "detour":
+                return self._along_the_way(lines, image, trust, stamp)
+            return self._servo(lines, image, None, None, trust, stamp)
 
     def _along_the_way(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
         if self._way is None:
@@ -111,28 +109,27 @@ class LawCycle:
         stamp: int,
     ) -> Command:
         parameters = self.parameters
-        target = self._target if reference is None else reference.target
+        target = self.target if reference is None else reference.target
         view = target.view(lines.ids, parameters.columns)
-        error = image - view.image
+        error, error_norm = difference(image, view.image)
         integral = self._integrated(error, lines.ids, stamp)
         asked = law_twist(parameters, interaction_matrix(lines), image, error, integral, view, displacement)
         wanted = asked.twist if reference is None else asked.twist + parameters.selected(reference.feedforward)
-        if not math.isfinite(sum(wanted.tolist())):
-            self._factor = 0.0
-            return Command(Mode.HALTED, f"the control law gave a twist that is not finite: {wanted.tolist()}")
+        if not _is_finite(wanted):
+            return self._halted(f"the control law gave a twist that is not finite: {wanted.tolist()}")
         scale = trust * self._guarded(lines, asked)
         twist, limited = saturated(wanted if scale == 1.0 else wanted * scale, *parameters.speed_limits)
-        output = tool_twist(parameters.T_tool_camera, twist) if parameters.tool_frame else twist
-        if not math.isfinite(sum(output.tolist())):
-            self._factor = 0.0
-            return Command(Mode.HALTED, f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
+        output = twist
+        if parameters.tool_frame:
+            with _may_overflow():
+                output = tool_twist(parameters.T_tool_camera, twist)
+            if not _is_finite(output):
+                return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
         self._factor = scale * limited
-        error_norm = math.sqrt(float(error @ error))
-        on_the_way = reference is not None and reference.progress < 1.0
-        mode, reason = (Mode.SERVOING, "") if on_the_way else self._progress(lines, error_norm, asked, twist, stamp)
-        values = singular_values = asked.values
-        if len(values) < 6:
-            singular_values = np.concatenate([values, np.zeros(6 - len(values))])
+        values = asked.values.tolist()
+        mode, reason = Mode.SERVOING, ""
+        if reference is None or reference.progress >= 1.0:
+            mode, reason = self._progress(lines, error_norm, asked.gain, values, twist, stamp)
         return Command(
             mode,
             reason,
@@ -140,13 +137,17 @@ class LawCycle:
             output,
             error_norm,
             asked.gain,
-            float(values[-1] / values[0]) if values[0] > 0.0 else 0.0,
-            singular_values,
+            values[-1] / values[0] if values[0] > 0.0 else 0.0,
+            asked.values if len(values) == 6 else np.array(values + [0.0] * (6 - len(values))),
             asked.damping,
             scale,
             limited < 1.0,
             0.0 if reference is None else reference.progress,
         )
+
+    def _halted(self, reason: str) -> Command:
+        self._factor = 0.0
+        return Command(Mode.HALTED, reason)
 
     def _integrated(self, error: Array, ids: tuple[int, ...], stamp: int) -> Array | None:
         parameters = self.parameters
@@ -166,13 +167,13 @@ class LawCycle:
         return guarded_scale(offsets, velocity, asked.health, parameters.guard_margin, parameters.guard_floor)
 
     def _progress(
-        self, lines: LineSet, error_norm: float, asked: LawTwist, twist: Array, stamp: int
+        self, lines: LineSet, error_norm: float, gain: float, values: list[float], twist: Array, stamp: int
     ) -> tuple[Mode, str]:
         parameters = self.parameters
         if error_norm <= parameters.converged_error:
             return Mode.CONVERGED, f"error norm {error_norm:.3g} is below {parameters.converged_error:g}"
         # The image changes by at most the largest singular value times the twist.
-        ratio = float(asked.values[0]) * math.sqrt(float(twist @ twist)) / (asked.gain * error_norm)
+        ratio = values[0] * math.hypot(*twist.tolist()) / (gain * error_norm)
         duration = self._stall.stalled_for(ratio, error_norm, parameters.stall_ratio, parameters.stall_error, stamp)
         if duration is None or duration < parameters.stall_time:
             return Mode.SERVOING, ""
@@ -181,5 +182,16 @@ class LawCycle:
         return Mode.STALLED, (
             f"for {duration:.3g} s the twist changes the image by no more than {ratio:.2g} of what the gain asks for, "
             f"with an error norm of {error_norm:.3g}: a local minimum, or a target that no camera pose reaches; "
-            f"inverse condition number {asked.values[-1] / asked.values[0]:.3g}{near}"
+            f"inverse condition number {values[-1] / values[0]:.3g}{near}"
         )
+
+
+def _may_overflow() -> np.errstate:
+    # What overflows ends as a twist that is not finite, which is looked for. The plain law does not need it: it is all
+    # in C, and takes no longer than this.
+    return np.errstate(over="ignore", invalid="ignore")
+
+
+def _is_finite(twist: Array) -> bool:
+    # A sum of finite numbers that overflows is no twist either.
+    return math.isfinite(sum(twist.tolist()))

@@ -9,7 +9,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import factorised
+from plsing_ros.features import Solution, factorised, solved
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.laws.gain import adaptive_gain
 from plsing_ros.servoing.laws.inverses import (
@@ -85,38 +85,72 @@ def law_twist(
         gain = adaptive_gain(largest, gain, parameters.gain_at_infinity, parameters.gain_slope)
     current = interaction if len(columns) == 6 else interaction[:, columns]
     inverted = _inverted(parameters, current, image, view)
-    left, values, right = factorised(inverted)
-    reference = _reference(values, view)
-    onset = parameters.onset * reference
-    pinv = pinv_factors(values, parameters.pinv_threshold)
-    factors, damping = pinv, 0.0
-    if parameters.law == "dls":
-        damping = parameters.damping * reference
-        factors = dls_factors(values, parameters.pinv_threshold, damping)
-    elif parameters.law == "adaptive_dls":
-        each = adaptive_damping(values, onset, parameters.largest_damping * reference)
-        factors, damping = dls_factors(values, parameters.pinv_threshold, each), float(each[-1])
-    elif parameters.law == "detour":
-        damping = parameters.detour_pose_onset
-        factors = dls_factors(values, parameters.pinv_threshold, damping)
-    amplitudes = -gain * (factors * ((error if integral is None else error + integral) @ left))
-    if displacement is not None:
-        amplitudes -= gain * pose_shares(values, factors) * (right @ displacement[list(columns)])
-    health = 1.0
+    solution = solved(inverted, error if integral is None else error + integral, -gain, parameters.pinv_threshold)
+    twist, damping, health = solution.solution, 0.0, 1.0
     if parameters.law == "guarded":
-        least = _CREEP * parameters.speed_limits[0]
-        amplitudes = limited_amplitudes(amplitudes, smooth_step(values / onset), parameters.guard_lost_share, least)
         # The mean of two matrices can be healthy where the camera is at a singularity.
-        here = values if inverted is current else factorised(current).singular_values
-        health = float(here[-1]) / onset
-    twist: Array = amplitudes @ right
+        here = solution.singular_values if inverted is current else factorised(current).singular_values
+        twist, health = _guarded(parameters, solution, float(here[-1]), view)
+    elif parameters.law != "pinv":
+        wanted = None if displacement is None else -gain * displacement[list(columns)]
+        twist, damping = _damped(parameters, solution, wanted, view)
     if any(parameters.secondary_twist):
-        twist = twist + null_space_part(right, pinv, np.array(parameters.secondary_twist)[list(columns)])
+        factors = pinv_factors(solution.singular_values, parameters.pinv_threshold)
+        twist = twist + null_space_part(solution.right, factors, np.array(parameters.secondary_twist)[list(columns)])
     if len(columns) < 6:
         full = np.zeros(6)
         full[list(columns)] = twist
         twist = full
-    return LawTwist(twist, gain, values, damping, health)
+    return LawTwist(twist, gain, solution.singular_values, damping, health)
+
+
+def _damped(
+    parameters: ControllerParameters, solution: Solution, wanted: Array | None, view: TargetView
+) -> tuple[Array, float]:
+    """Return the twist of a law that damps, before its options, and the damping of the smallest singular value.
+
+    Args:
+        parameters: The law and its options.
+        solution: Of the pseudo-inverse, gain included.
+        wanted: By the pose, gain included, shape (m,), or None.
+        view: The target.
+    """
+    values, threshold = solution.singular_values, parameters.pinv_threshold
+    reference = _reference(values, view)
+    each: float | Array
+    if parameters.law == "dls":
+        each = damping = parameters.damping * reference
+    elif parameters.law == "adaptive_dls":
+        each = adaptive_damping(values, parameters.onset * reference, parameters.largest_damping * reference)
+        damping = float(each[-1])
+    else:
+        each = damping = parameters.detour_pose_onset
+    factors = dls_factors(values, threshold, each)
+    amplitudes = factors * solution.components
+    if wanted is not None:
+        amplitudes += pose_shares(values, factors) * (solution.right @ wanted)
+    return amplitudes @ solution.right, damping
+
+
+def _guarded(
+    parameters: ControllerParameters, solution: Solution, smallest: float, view: TargetView
+) -> tuple[Array, float]:
+    """Return the twist with its nearly lost motions limited, and the health of the present L.
+
+    Args:
+        parameters: The law and its options.
+        solution: Of the pseudo-inverse, gain included.
+        smallest: Singular value of the present L.
+        view: The target.
+    """
+    values = solution.singular_values
+    onset = parameters.onset * _reference(values, view)
+    if values[-1] >= onset:
+        return solution.solution, smallest / onset
+    amplitudes = pinv_factors(values, parameters.pinv_threshold) * solution.components
+    least = _CREEP * parameters.speed_limits[0]
+    limited = limited_amplitudes(amplitudes, smooth_step(values / onset), parameters.guard_lost_share, least)
+    return limited @ solution.right, smallest / onset
 
 
 def _inverted(parameters: ControllerParameters, current: Array, image: Array, view: TargetView) -> Array:

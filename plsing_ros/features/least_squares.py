@@ -1,0 +1,61 @@
+"""The motion that changes the image as asked for, as far as least squares goes, and what its laws are made from."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from plsing_ros import kernels
+from plsing_ros.arrays import Array
+from plsing_ros.features.factorisation import not_finite, rows_of
+
+
+class Solution(NamedTuple):
+    """Least squares by the singular value decomposition L = U diag(s) V'.
+
+    Attributes:
+        singular_values: s, largest first, shape (k,), mixed units.
+        right: V', right singular vectors as rows, shape (k, k).
+        components: Of the right side along the columns of U, shape (k,); another inverse than the pseudo-inverse gives
+            (components * its factors) @ right.
+        solution: pinv(L) @ right side, shape (k,).
+    """
+
+    singular_values: Array
+    right: Array
+    components: Array
+    solution: Array
+
+
+def difference(image: Array, desired: Array) -> tuple[Array, float]:
+    """Return s - s*, shape (m,), and its norm; what overflows ends as infinite.
+
+    Args:
+        image: s, shape (m,).
+        desired: s*, shape (m,).
+    """
+    error = np.empty(len(image))
+    return error, kernels.subtract(image, desired, error)
+
+
+def solved(matrix: Array, right_side: Array, factor: float = 1.0, threshold: float = 0.0) -> Solution:
+    """Return the least-squares solution of matrix @ x = factor * right_side, of all such ones the shortest.
+
+    Args:
+        matrix: Shape (m, k), k from 1 to 6.
+        right_side: Shape (m,). What overflows ends as a solution that is not finite.
+        factor: See above.
+        threshold: Singular values up to this times the largest are taken as zero.
+
+    Raises:
+        GeometryError: If the matrix has another shape or is not finite.
+    """
+    rows = rows_of(matrix)
+    m, k = rows.shape
+    if m > len(right_side):
+        right_side = np.concatenate([right_side, np.zeros(m - len(right_side))])
+    values, right, components, solution = np.empty(k), np.empty((k, k)), np.empty(k), np.empty(k)
+    if not kernels.solve(rows, right_side, values, right, components, solution, factor, threshold):
+        raise not_finite()
+    return Solution(values, right, components, solution)
