@@ -10,10 +10,11 @@ import numpy as np
 from benchmark import visp
 from benchmark.timing import median_seconds
 from plsing_ros import kernels
-from plsing_ros.features import LineObservation, difference, factorised, interaction_matrix, project_lines, solved
+from plsing_ros.features import LineObservation, factorised, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.kernels import of_numpy
 from plsing_ros.parameters import ControllerParameters, MonitorParameters
+from plsing_ros.servoing.laws.plain_law import plain_twist
 from plsing_ros.servoing.line_servo import LineServo
 from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
 
@@ -22,7 +23,7 @@ GAIN = 0.1
 START = Pose(np.eye(3), np.array([0.2, -0.1, -6.0]))
 TARGET = Pose(np.eye(3), np.array([0.0, 0.0, -5.0]))
 ROUNDS = 8  # of all candidates in turns, so that a change of the machine's speed hits them alike
-OWN_NAMES = ("step", "core", "numpy", "monitor")
+OWN_NAMES = ("step", "guarded", "core", "numpy", "monitor")
 
 
 def main() -> None:
@@ -32,14 +33,15 @@ def main() -> None:
         print(f"our inner loops: {'compiled' if kernels.svd is not of_numpy.svd else 'numpy, not compiled'}\n")
         print("median of one control step [us]")
         print("  step:    LineServo.step, with all checks of its input and everything its state says")
+        print("  guarded: the same with law = guarded, at a pose where the guard is at work")
         print("  core:    L, its singular value decomposition, twist, inverse condition number")
         print("  numpy:   projection, L by numpy, numpy.linalg.pinv, numpy.linalg.cond; no checks")
         print("  monitor: one assessment\n")
-        columns = ("ViSP", "step", "core", "numpy", "monitor", "step/ViSP", "core/ViSP")
+        columns = ("ViSP", *OWN_NAMES, "step/ViSP", "core/ViSP")
         print(f"{'lines':>6}" + "".join(f" {each:>9}" for each in columns))
         for n in (4, 5, 20, 100):
             medians = _measured(n, peer)
-            shown = [f"{1e6 * medians[each]:.1f}" if each in medians else "" for each in columns[:5]]
+            shown = [f"{1e6 * medians[each]:.1f}" if each in medians else "" for each in columns[:-2]]
             if "ViSP" in medians:
                 shown += [f"{medians[each] / medians['ViSP']:.2f}" for each in ("step", "core")]
             print(f"{n:6d}" + "".join(f" {each:>9}" for each in shown), flush=True)
@@ -63,7 +65,8 @@ def _measured(n: int, peer: visp.Visp | str) -> dict[str, float]:
 
 def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
     scene = {"lines_points": tuple(lines.point.ravel()), "lines_directions": tuple(lines.direction.ravel())}
-    servo = LineServo(ControllerParameters(**scene, target_position=tuple(TARGET.translation), gain=GAIN))
+    parameters = ControllerParameters(**scene, target_position=tuple(TARGET.translation), gain=GAIN)
+    servo, guarded = LineServo(parameters), LineServo(parameters.with_values({"law": "guarded"}))
     monitor = SingularityMonitor(MonitorParameters(**scene))
     monitor.receive_pose(START, NOW)
     observation = LineObservation.of_lines(lines.transformed(START.inverse(), "camera"))
@@ -71,19 +74,19 @@ def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
     target = project_lines(lines.transformed(TARGET.inverse(), "camera"))
 
     def core() -> tuple[np.ndarray, float]:
-        error, _ = difference(image, target)
-        values, _, _, twist = solved(interaction_matrix(seen), error, -GAIN)
-        return twist, float(values[-1] / values[0])
+        asked, _ = plain_twist(parameters, seen, image, target)
+        return asked.twist, float(asked.values[-1] / asked.values[0])
 
-    def of_numpy() -> tuple[np.ndarray, float]:
+    def textbook() -> tuple[np.ndarray, float]:
         matrix = np.empty((3 * len(seen), 6))
         of_numpy.interaction_matrix(seen.direction, seen.moment, matrix, 1e-9)
         return -GAIN * np.linalg.pinv(matrix) @ (project_lines(seen) - target), 1.0 / np.linalg.cond(matrix)
 
     candidates = (
         lambda: servo.step(observation, NOW, NOW),
+        lambda: guarded.step(observation, NOW, NOW),
         core,
-        of_numpy,
+        textbook,
         lambda: monitor.assess(observation, NOW, NOW),
     )
     return dict(zip(OWN_NAMES, candidates, strict=True))

@@ -34,6 +34,11 @@ int count_columns(PyObject *array);
 /* Return the largest magnitude of three numbers. */
 double largest_element(const double *vector);
 
+/* interaction.c */
+
+/* Fill `matrix` (3n, 6) of n lines (u, l), and return whether all have an image. */
+int fill_interaction_matrix(const double *u, const double *l, Py_ssize_t n, double least_depth, double *matrix);
+
 /* singular_values.c */
 
 /* The thin singular value decomposition of a matrix (m, k), its left singular vectors as a product of reflections. */
@@ -62,6 +67,7 @@ FUNCTION(are_lines);
 FUNCTION(have_images);
 FUNCTION(interaction_matrix);
 FUNCTION(is_rotation);
+FUNCTION(plain_law);
 FUNCTION(solve);
 FUNCTION(subtract);
 FUNCTION(svd);

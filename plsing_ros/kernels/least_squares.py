@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from plsing_ros.arrays import Array
+from plsing_ros.kernels.interaction import interaction_matrix
 from plsing_ros.kernels.singular_values import svd
 
 
@@ -53,3 +54,36 @@ def solve(
         kept = singular_values > threshold * singular_values[0]
         solution[:] = np.divide(components, singular_values, where=kept, out=np.zeros_like(components)) @ right
     return True
+
+
+def plain_law(
+    direction: Array,
+    moment: Array,
+    image: Array,
+    desired: Array,
+    singular_values: Array,
+    twist: Array,
+    least_depth: float,
+    gain: float,
+    threshold: float,
+) -> float | None:
+    """Fill the twist -gain pinv(L) (s - s*) and return |s - s*|, all in one call; None where a step would be refused.
+
+    Args:
+        direction: Of n lines in the camera frame, shape (n, 3), n from 2 on.
+        moment: Likewise, shape (n, 3) [m].
+        image: s, shape (3n,).
+        desired: s*, shape (3n,).
+        singular_values: Filled with those of L, shape (6,).
+        twist: Filled, shape (6,).
+        least_depth: As for interaction_matrix.
+        gain: See above [1/s].
+        threshold: As for solve.
+    """
+    matrix, error = np.empty((3 * len(direction), 6)), np.empty(len(image))
+    if not interaction_matrix(direction, moment, matrix, least_depth):
+        return None
+    norm = subtract(image, desired, error)
+    right, components = np.empty((6, 6)), np.empty(6)
+    good = solve(matrix, error, singular_values, right, components, twist, -gain, threshold)
+    return norm if good else None

@@ -10,17 +10,17 @@ from plsing_ros.arrays import Array
 def svd(matrix: Array, left: Array, singular_values: Array, right: Array) -> bool:
     """Fill the thin singular value decomposition; return False if the matrix or a singular value is not finite.
 
-    The compiled one is a QR decomposition by Householder's reflections and Jacobi's one-sided rotations of its
-    triangular factor, as exact as LAPACK's and for six columns two to four times as fast (docs/performance.md).
+    The compiled one is a QR decomposition by Householder's reflections with pivots and Jacobi's one-sided rotations of
+    its triangular factor, as exact as LAPACK's and for six columns several times as fast (docs/performance.md).
 
     Args:
-        matrix: Shape (m, k) with k <= 6 and m >= k.
+        matrix: Shape (m, k) with k <= 6; with m < k it is refused likewise.
         left: Filled, shape (m, k).
         singular_values: Filled, largest first, shape (k,).
         right: Filled, right singular vectors as rows, shape (k, k).
     """
     # LAPACK does not return from a matrix with infinite elements.
-    if not np.isfinite(matrix).all():
+    if len(matrix) < len(singular_values) or not np.isfinite(matrix).all():
         return False
     try:
         left[:], singular_values[:], right[:] = np.linalg.svd(matrix, full_matrices=False)

@@ -84,8 +84,9 @@ class Freshness:
 
     def follow_clock(self, now: int) -> bool:
         """Return whether the clock has jumped back to now [ns] since the last call, and forget earlier stamps if so."""
-        jumped = self._last_now is not None and now < self._last_now - int(self.future_tolerance * _SECOND)
-        if jumped:
-            self._last_stamp = None
-        self._last_now = now
-        return jumped
+        before, self._last_now = self._last_now, now
+        # The first comparison is for speed alone.
+        if before is None or now >= before or now >= before - int(self.future_tolerance * _SECOND):
+            return False
+        self._last_stamp = None
+        return True

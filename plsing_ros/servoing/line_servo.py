@@ -140,31 +140,28 @@ class LineServo:
         Raises:
             ObservationError: If the observation cannot be used; call halt with the reason.
         """
-        command = self._not_to_move(observation, stamp, now)
-        if command is not None or self._target is None or self._cycle is None:
+        parameters = self.parameters
+        reaction = _reaction(observation.verdict, parameters)
+        command = self._not_to_move(observation, reaction, stamp, now)
+        cycle = self._cycle
+        if command is not None or cycle is None:
             self._pause()
             return command or Command(Mode.WAITING, "no target: no desired features received yet")
-        lines, image = _common(observation, self._target)
+        lines, image = _common(observation, cycle.target)
         self._seen = lines
-        slow = self._reaction(observation) == "slow"
-        return self._cycle.command(lines, image, self.parameters.slow_scale if slow else 1.0, stamp)
+        return cycle.command(lines, image, parameters.slow_scale if reaction == "slow" else 1.0, stamp)
 
-    def _not_to_move(self, observation: LineObservation, stamp: int, now: int) -> Command | None:
+    def _not_to_move(self, observation: LineObservation, reaction: str, stamp: int, now: int) -> Command | None:
         if not self._enabled:
             return Command(Mode.DISABLED, _DISABLED)
         problem = self._freshness.refusal(stamp, now)
         if problem is None and self._refused:
             return Command(Mode.REFUSED, self._refused)
-        if problem is None and self._reaction(observation) == "halt":
+        if problem is None and reaction == "halt":
             problem = f"3-D lines are {observation.verdict.name}: {observation.verdict_reason}"
         if problem is None and self.parameters.gate == "status":
             problem = self.gate.closed(now)
         return None if problem is None else Command(Mode.HALTED, problem)
-
-    def _reaction(self, observation: LineObservation) -> str:
-        if observation.verdict is LinesVerdict.AMBIGUOUS:
-            return self.parameters.ambiguous_lines
-        return self.parameters.poor_lines if observation.verdict is LinesVerdict.POOR else "ignore"
 
     def halt(self, reason: str) -> Command:
         """Return a command of zero twist with the reason, for features that cannot be used or for a shutdown."""
@@ -236,6 +233,13 @@ def _task(parameters: ControllerParameters) -> tuple[object, ...]:
         parameters.target_position,
         parameters.target_orientation,
     )
+
+
+def _reaction(verdict: LinesVerdict, parameters: ControllerParameters) -> str:
+    """Return what the parameters say about lines of a verdict: halt, slow or ignore."""
+    if verdict < LinesVerdict.POOR:
+        return "ignore"
+    return parameters.poor_lines if verdict is LinesVerdict.POOR else parameters.ambiguous_lines
 
 
 def _common(observation: LineObservation, target: Target) -> tuple[LineSet, Array]:

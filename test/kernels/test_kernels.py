@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from strategies import numbers, seen_lines, vectors
 
 from plsing_ros import kernels
-from plsing_ros.geometry import Pose
+from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.kernels import compiled, of_numpy
 
 BOTH = pytest.mark.parametrize("the", [compiled, of_numpy], ids=["compiled", "numpy"])
@@ -186,6 +186,52 @@ def test_solve_refuses_what_is_not_finite_in_the_matrix_and_passes_it_on_from_th
     assert not the.solve(matrix, np.ones(12), *parts, 1.0, 0.0)
 
 
+def law(the, lines, image, desired, gain=0.1, threshold=0.0):
+    """|s - s*| or None, singular values and twist."""
+    values, twist = np.empty(6), np.empty(6)
+    norm = the.plain_law(lines.direction, lines.moment, image, desired, values, twist, LEAST_DEPTH, gain, threshold)
+    return norm, values, twist
+
+
+@BOTH
+@given(lines=seen_lines(min_size=2), change=vectors(6, -1.0, 1.0), threshold=st.sampled_from([0.0, 1e-6, 0.1]))
+def test_the_plain_law_takes_the_three_steps_one_after_the_other(the, lines, change, threshold):
+    desired = np.resize(change, 3 * len(lines))
+    image = (lines.moment / np.hypot(*lines.moment[:, :2].T)[:, np.newaxis]).ravel()
+    matrix, error = np.empty((3 * len(lines), 6)), np.empty(3 * len(lines))
+    assert the.interaction_matrix(lines.direction, lines.moment, matrix, LEAST_DEPTH)
+    expected_norm = the.subtract(image, desired, error)
+    expected_values, _, _, expected_twist = solution(the, matrix, error, -0.1, threshold)
+    norm, values, twist = law(the, lines, image, desired, 0.1, threshold)
+    assert norm == expected_norm
+    np.testing.assert_array_equal(values, expected_values)
+    np.testing.assert_array_equal(twist, expected_twist)
+
+
+@BOTH
+@pytest.mark.parametrize("n", [3, 43, 200])
+def test_the_plain_law_is_that_of_the_textbook_for_any_number_of_lines(the, n):
+    generator = np.random.default_rng(n)
+    lines = LineSet.from_points_directions(generator.normal(size=(n, 3)) + [0, 0, 5], generator.normal(size=(n, 3)))
+    image, desired = generator.normal(size=(2, 3 * n))
+    matrix = np.empty((3 * n, 6))
+    assert of_numpy.interaction_matrix(lines.direction, lines.moment, matrix, LEAST_DEPTH)
+    norm, values, twist = law(the, lines, image, desired)
+    np.testing.assert_allclose(twist, -0.1 * np.linalg.pinv(matrix) @ (image - desired), rtol=1e-9)
+    np.testing.assert_allclose(values, np.linalg.svd(matrix, compute_uv=False), rtol=1e-9)
+    assert norm == pytest.approx(np.linalg.norm(image - desired), rel=1e-14)
+
+
+@BOTH
+def test_the_plain_law_leaves_to_others_what_is_to_be_refused(the):
+    through_the_camera = LineSet.from_points_directions(np.eye(3) * [1, 1, 0], [[0, 1, 0], [1, 0, 1], [0, 0, 1]])
+    assert law(the, through_the_camera, np.ones(9), np.ones(9))[0] is None
+    lines = LineSet.from_points_directions([[1.0, 2.0, 3.0]] * 2, [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    assert law(the, lines, np.ones(6), np.ones(6))[0] == 0.0
+    assert law(the, lines.select([0]), np.ones(3), np.ones(3))[0] is None
+    assert law(the, lines, np.full(6, 1e308), np.full(6, -1e308))[0] == np.inf
+
+
 @BOTH
 @given(a=vectors(9, -1e3, 1e3), b=vectors(9, -1e3, 1e3), size=st.sampled_from([1e-300, 1e-160, 1.0, 1e160, 1e300]))
 def test_subtract_gives_difference_and_norm_of_any_size(the, a, b, size):
@@ -263,6 +309,7 @@ def test_rotations(the):
         ("svd", (np.ones((6, 12)).T, np.empty((12, 6)), np.empty(6), np.empty((6, 6)))),
         ("solve", (np.ones((12, 6)), np.ones(11), np.empty(6), np.empty((6, 6)), np.empty(6), np.empty(6), 1.0, 0.0)),
         ("solve", (np.ones((12, 6)), np.ones(12), np.empty(7), np.empty((7, 7)), np.empty(7), np.empty(7), 1.0, 0.0)),
+        ("plain_law", (*[np.ones((4, 3))] * 3, np.ones((3, 3)), np.empty(6), np.empty(6), 1e-9, 0.1, 0.0)),
         ("subtract", (np.ones(4), np.ones(3), np.empty(4))),
         ("are_lines", (np.ones((4, 3)), np.ones((3, 3)), 1e-6)),
         ("are_lines", (np.ones((4, 3), dtype=np.float32), np.ones((4, 3)), 1e-6)),

@@ -14,6 +14,7 @@ from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.command import Command, Mode
 from plsing_ros.servoing.laws.guard import guarded_scale
 from plsing_ros.servoing.laws.integral import ErrorIntegral
+from plsing_ros.servoing.laws.plain_law import plain_twist
 from plsing_ros.servoing.laws.saturation import saturated
 from plsing_ros.servoing.laws.stall import StallWatch
 from plsing_ros.servoing.laws.twist_law import LawTwist, law_twist
@@ -78,10 +79,13 @@ class LawCycle:
         Raises:
             ObservationError: If the law needs something that the observation or the target lacks.
         """
-        if self.parameters.is_plain:
-            return self._servo(lines, image, None, None, trust, stamp)
+        parameters = self.parameters
+        if parameters.is_plain:
+            desired = self.target.view(lines.ids, parameters.columns).image
+            asked, error_norm = plain_twist(parameters, lines, image, desired)
+            return self._within_limits(lines, asked, error_norm, None, trust, stamp)
         with _may_overflow():
-            if self.parameters.law == "detour":
+            if parameters.law == "detour":
                 return self._along_the_way(lines, image, trust, stamp)
             return self._servo(lines, image, None, None, trust, stamp)
 
@@ -114,6 +118,12 @@ class LawCycle:
         error, error_norm = difference(image, view.image)
         integral = self._integrated(error, lines.ids, stamp)
         asked = law_twist(parameters, interaction_matrix(lines), image, error, integral, view, displacement)
+        return self._within_limits(lines, asked, error_norm, reference, trust, stamp)
+
+    def _within_limits(
+        self, lines: LineSet, asked: LawTwist, error_norm: float, reference: Reference | None, trust: float, stamp: int
+    ) -> Command:
+        parameters = self.parameters
         wanted = asked.twist if reference is None else asked.twist + parameters.selected(reference.feedforward)
         if not _is_finite(wanted):
             return self._halted(f"the control law gave a twist that is not finite: {wanted.tolist()}")
@@ -173,7 +183,7 @@ class LawCycle:
         if error_norm <= parameters.converged_error:
             return Mode.CONVERGED, f"error norm {error_norm:.3g} is below {parameters.converged_error:g}"
         # The image changes by at most the largest singular value times the twist.
-        ratio = values[0] * math.hypot(*twist.tolist()) / (gain * error_norm)
+        ratio = values[0] * math.sqrt(sum([each * each for each in twist.tolist()])) / (gain * error_norm)
         duration = self._stall.stalled_for(ratio, error_norm, parameters.stall_ratio, parameters.stall_error, stamp)
         if duration is None or duration < parameters.stall_time:
             return Mode.SERVOING, ""
@@ -187,8 +197,7 @@ class LawCycle:
 
 
 def _may_overflow() -> np.errstate:
-    # What overflows ends as a twist that is not finite, which is looked for. The plain law does not need it: it is all
-    # in C, and takes no longer than this.
+    # What overflows ends as a twist that is not finite, which is looked for.
     return np.errstate(over="ignore", invalid="ignore")
 
 

@@ -1,0 +1,43 @@
+"""The paper's law without options, from lines to twist in one call."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plsing_ros import kernels
+from plsing_ros.arrays import Array
+from plsing_ros.features import difference, interaction_matrix, solved
+from plsing_ros.features.projection import DEGENERATE_DEPTH
+from plsing_ros.geometry import LineSet
+from plsing_ros.parameters import ControllerParameters
+from plsing_ros.servoing.laws.twist_law import LawTwist
+
+
+def plain_twist(
+    parameters: ControllerParameters, lines: LineSet, image: Array, desired: Array
+) -> tuple[LawTwist, float]:
+    """Return what law_twist does where parameters.is_plain, and |s - s*|, in half the time.
+
+    Args:
+        parameters: Gain and threshold.
+        lines: In the camera's optical frame.
+        image: s, shape (3n,).
+        desired: s*, shape (3n,).
+
+    Raises:
+        DegenerateProjectionError: If a line has no image.
+        GeometryError: If L is not finite.
+
+    Source: eq. velocity_input.
+    """
+    gain, threshold = parameters.gain, parameters.pinv_threshold
+    values: Array = np.empty(6)
+    twist: Array = np.empty(6)
+    error_norm = kernels.plain_law(
+        lines.direction, lines.moment, image, desired, values, twist, DEGENERATE_DEPTH, gain, threshold
+    )
+    if error_norm is None:
+        # A single line, or something to be refused with its reason.
+        error, error_norm = difference(image, desired)
+        values, _, _, twist = solved(interaction_matrix(lines), error, -gain, threshold)
+    return LawTwist(twist, gain, values, 0.0, 1.0), error_norm

@@ -1,0 +1,61 @@
+"""The law in one call against the law with all its options."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import seen_lines, vectors
+
+from plsing_ros.errors import DegenerateProjectionError
+from plsing_ros.features import difference, interaction_matrix
+from plsing_ros.geometry import LineSet
+from plsing_ros.parameters import ControllerParameters
+from plsing_ros.servoing.laws.plain_law import plain_twist
+from plsing_ros.servoing.laws.twist_law import law_twist
+from plsing_ros.servoing.target import TargetView
+
+
+def parameters(**values):
+    return ControllerParameters(target_source="topic", **values)
+
+
+@given(
+    lines=seen_lines(min_size=1),
+    numbers=vectors(24, -1.0, 1.0),
+    gain=st.sampled_from([0.1, 1000.0]),
+    pinv_threshold=st.sampled_from([1e-12, 1e-2]),
+)
+def test_it_is_the_law_with_all_its_options_when_none_is_in_use(lines, numbers, gain, pinv_threshold):
+    chosen = parameters(gain=gain, pinv_threshold=pinv_threshold)
+    assert chosen.is_plain
+    image, desired = np.resize(numbers, (2, 3 * len(lines)))
+    error, norm = difference(image, desired)
+    expected = law_twist(chosen, interaction_matrix(lines), image, error, None, TargetView(desired, None, None))
+    found, error_norm = plain_twist(chosen, lines, image, desired)
+    np.testing.assert_array_equal(found.twist, expected.twist)
+    np.testing.assert_array_equal(found.values, expected.values)
+    assert (found.gain, found.damping, found.health) == (expected.gain, expected.damping, expected.health)
+    assert error_norm == norm
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        {"law": "guarded"},
+        {"interaction": "mean"},
+        {"gain_slope": 1.0},
+        {"integral_gain": 1.0},
+        {"degrees_of_freedom": (1, 1, 1, 1, 1, 0)},
+        {"secondary_twist": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)},
+    ],
+    ids=lambda option: next(iter(option)),
+)
+def test_with_an_option_it_is_not_the_plain_law(option):
+    assert not parameters(**option).is_plain
+
+
+def test_a_line_without_an_image_is_refused_by_its_id():
+    points, directions = [[1, 0, 2], [0, 1, 2], [0, 0, 2]], [[0, 1, 0], [1, 0, 1], [0, 0, 1]]
+    lines = LineSet.from_points_directions(points, directions, ids=(4, 5, 6))
+    with pytest.raises(DegenerateProjectionError, match="no image of line 6: through the camera centre"):
+        plain_twist(parameters(), lines, np.ones(9), np.ones(9))
