@@ -9,6 +9,7 @@ static PyMethodDef methods[] = {
     METHOD(have_images),
     METHOD(interaction_matrix),
     METHOD(is_rotation),
+    METHOD(mean_interaction),
     METHOD(plain_law),
     METHOD(solve),
     METHOD(subtract),

@@ -1,4 +1,4 @@
-/* The interaction matrix. */
+/* The interaction matrix, and the mean of two. */
 
 #include "kernels.h"
 
@@ -40,4 +40,32 @@ PyObject *interaction_matrix(PyObject *self, PyObject *const *args, Py_ssize_t c
     int good = fill_interaction_matrix(buffers[0].buf, buffers[1].buf, n, least_depth, buffers[2].buf);
     release_arrays(buffers, 3);
     return PyBool_FromLong(good);
+}
+
+PyObject *mean_interaction(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Py_buffer buffers[5];
+    (void)self;
+    if (!are_arguments(count, 6))
+        return NULL;
+    long k = PyLong_AsLong(args[5]);
+    if (PyErr_Occurred())
+        return NULL;
+    if (k < 1 || k > MOST_COLUMNS)
+        return PyErr_Format(PyExc_ValueError, "%ld columns given, allowed are 1 to 6", k);
+    const int columns[] = {3, 3, 3 * k, 3 * k, 3 * k};
+    Py_ssize_t n = take_arrays(args, columns, 5, 1, buffers);
+    if (n < 0)
+        return NULL;
+    const double *s = buffers[0].buf, *s_desired = buffers[1].buf, *L = buffers[2].buf, *L_desired = buffers[3].buf;
+    double *mean = buffers[4].buf;
+    for (; n > 0; n--, s += 3, s_desired += 3, L += 3 * k, L_desired += 3 * k, mean += 3 * k)
+        for (int j = 0; j < k; j++) {
+            double turn = s_desired[0] * L_desired[k + j] - s_desired[1] * L_desired[j];
+            mean[j] = 0.5 * (L[j] - s[1] * turn);
+            mean[k + j] = 0.5 * (L[k + j] + s[0] * turn);
+            mean[2 * k + j] = 0.5 * (L[2 * k + j] + L_desired[2 * k + j]);
+        }
+    release_arrays(buffers, 5);
+    Py_RETURN_NONE;
 }

@@ -1,4 +1,4 @@
-"""The interaction matrix: see interaction.c."""
+"""The interaction matrix, and the mean of two: see interaction.c."""
 
 from __future__ import annotations
 
@@ -29,6 +29,34 @@ def interaction_matrix(direction: Array, moment: Array, matrix: Array, least_dep
     moment_rate -= image[:, :, np.newaxis] * depth_rate
     moment_rate /= depth[:, np.newaxis, np.newaxis]
     return True
+
+
+def mean_interaction(
+    image: Array, desired_image: Array, interaction: Array, desired_interaction: Array, mean: Array, columns: int
+) -> None:
+    """Fill the mean of L and L*, whose rows are turned to the image lines of L before.
+
+    Args:
+        image: s, shape (3n,).
+        desired_image: s*, shape (3n,).
+        interaction: L, or some columns of it, shape (3n, k).
+        desired_interaction: L*, likewise.
+        mean: Filled, shape (3n, k).
+        columns: k, from 1 to 6.
+
+    Source: servoing.laws.mean_interaction.
+    """
+    across, across_desired = _across(image), _across(desired_image)
+    turned = desired_interaction.reshape(-1, 3, columns).copy()
+    turn = np.einsum("ij,ijk->ik", across_desired, turned[:, :2])
+    turned[:, :2] = across[:, :, np.newaxis] * turn[:, np.newaxis]
+    mean[:] = 0.5 * (interaction + turned.reshape(mean.shape))
+
+
+def _across(image: Array) -> Array:
+    """Return (-sin a, cos a) of each image line, shape (n, 2)."""
+    lines = image.reshape(-1, 3)
+    return np.column_stack([-lines[:, 1], lines[:, 0]])
 
 
 # vectors @ _SKEW are the rows of [vector]x: the first of each vector, then the second, then the third.

@@ -67,6 +67,7 @@ FUNCTION(are_lines);
 FUNCTION(have_images);
 FUNCTION(interaction_matrix);
 FUNCTION(is_rotation);
+FUNCTION(mean_interaction);
 FUNCTION(plain_law);
 FUNCTION(solve);
 FUNCTION(subtract);

@@ -40,6 +40,23 @@ def test_interaction_matrices_agree(lines):
 
 
 @BOTH
+@given(image=vectors(6, -3.0, 3.0), numbers=vectors(72, -1.0, 1.0), columns=st.integers(1, 6))
+def test_the_mean_is_that_of_changes_of_angle_and_offset(the, image, numbers, columns):
+    a, b, offset, desired_offset = *image.reshape(3, 2)[:2], image[4], image[5]
+    s = np.column_stack([np.cos(a), np.sin(a), [offset, 1.0]])
+    s_desired = np.column_stack([np.cos(b), np.sin(b), [desired_offset, -1.0]])
+    # Rows that image lines have: d (cos a, sin a, r) = (-sin a da, cos a da, dr).
+    da, dr, db, dq = (each[:, :columns] for each in numbers.reshape(4, 2, 9))
+    L = np.stack([-s[:, 1:2] * da, s[:, :1] * da, dr], axis=1).reshape(6, columns)
+    L_desired = np.stack([-s_desired[:, 1:2] * db, s_desired[:, :1] * db, dq], axis=1).reshape(6, columns)
+    half, offsets = 0.5 * (da + db), 0.5 * (dr + dq)
+    expected = np.stack([-s[:, 1:2] * half, s[:, :1] * half, offsets], axis=1).reshape(6, columns)
+    mean = np.empty((6, columns))
+    the.mean_interaction(s.ravel(), s_desired.ravel(), L, L_desired, mean, columns)
+    np.testing.assert_allclose(mean, expected, atol=1e-15)
+
+
+@BOTH
 @given(lines=seen_lines(min_size=3), exponent=numbers(0.0, 10.0))
 def test_svd_gives_the_matrix_back_and_its_factors_are_orthonormal(the, lines, exponent):
     matrix = np.hstack([lines.direction, lines.moment, lines.direction * lines.moment]).reshape(-1, 3)
@@ -309,6 +326,8 @@ def test_rotations(the):
         ("svd", (np.ones((6, 12)).T, np.empty((12, 6)), np.empty(6), np.empty((6, 6)))),
         ("solve", (np.ones((12, 6)), np.ones(11), np.empty(6), np.empty((6, 6)), np.empty(6), np.empty(6), 1.0, 0.0)),
         ("solve", (np.ones((12, 6)), np.ones(12), np.empty(7), np.empty((7, 7)), np.empty(7), np.empty(7), 1.0, 0.0)),
+        ("mean_interaction", (np.ones(6), np.ones(6), np.ones((6, 5)), np.ones((6, 6)), np.empty((6, 6)), 6)),
+        ("mean_interaction", (np.ones(6), np.ones(6), np.ones((6, 7)), np.ones((6, 7)), np.empty((6, 7)), 7)),
         ("plain_law", (*[np.ones((4, 3))] * 3, np.ones((3, 3)), np.empty(6), np.empty(6), 1e-9, 0.1, 0.0)),
         ("subtract", (np.ones(4), np.ones(3), np.empty(4))),
         ("are_lines", (np.ones((4, 3)), np.ones((3, 3)), 1e-6)),
@@ -318,7 +337,7 @@ def test_rotations(the):
     ],
 )
 def test_arrays_that_do_not_fit_are_refused_before_they_are_touched(name, arguments):
-    with pytest.raises(ValueError, match=r"not float64 or of a wrong size|C-contiguous|1 to 6 singular values"):
+    with pytest.raises(ValueError, match=r"not float64 or of a wrong size|C-contiguous|1 to 6"):
         getattr(compiled, name)(*arguments)
 
 

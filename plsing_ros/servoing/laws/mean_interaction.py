@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from plsing_ros import kernels
 from plsing_ros.arrays import Array
 
 
@@ -22,15 +23,7 @@ def mean_interaction(current: Array, image: Array, desired: Array, desired_image
 
     Source: the mean of ViSP, which has the features (r, a); in three coordinates new, docs/controller.md.
     """
-    across, across_desired = _across(image), _across(desired_image)
-    rows = desired.reshape(len(across), 3, -1)
-    turned = rows.copy()
-    turned[:, :2] = across[:, :, np.newaxis] * np.einsum("ij,ijk->ik", across_desired, rows[:, :2])[:, np.newaxis]
-    mean: Array = 0.5 * (current + turned.reshape(desired.shape))
+    current, desired = np.ascontiguousarray(current), np.ascontiguousarray(desired)
+    mean = np.empty(current.shape)
+    kernels.mean_interaction(image, desired_image, current, desired, mean, mean.shape[1])
     return mean
-
-
-def _across(image: Array) -> Array:
-    """Return (-sin a, cos a) of each image line, shape (n, 2)."""
-    lines = image.reshape(-1, 3)
-    return np.column_stack([-lines[:, 1], lines[:, 0]])
