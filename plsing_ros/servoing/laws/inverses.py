@@ -72,7 +72,8 @@ def adaptive_damping(values: Array, onset: float, largest: float) -> Array:
 
 def smooth_step(ratio: Array) -> Array:
     """Return 0 for ratios up to 0, 1 from 1 on, and r^2 (3 - 2 r) between: continuous with its slope."""
-    r = np.clip(ratio, 0.0, 1.0)
+    # np.clip takes three times as long.
+    r = np.minimum(np.maximum(ratio, 0.0), 1.0)
     step: Array = r * r * (3.0 - 2.0 * r)
     return step
 
@@ -97,7 +98,8 @@ def limited_amplitudes(amplitudes: Array, health: Array, share: float, least: fl
     rest = float(np.linalg.norm(amplitudes[~lost]))
     limit = np.full_like(amplitudes, np.inf)
     limit[lost] = (share * rest + least) * health[lost] / (1.0 - health[lost])
-    return np.clip(amplitudes, -limit, limit)
+    limited: Array = np.minimum(np.maximum(amplitudes, -limit), limit)
+    return limited
 
 
 def null_space_part(right: Array, factors: Array, twist: Array) -> Array:
