@@ -25,7 +25,7 @@ TARGET = Pose(np.eye(3), np.array([0.0, 0.0, -5.0]))
 # In a row, so that what one candidate leaves in the caches is not the next one's cost; ViSP's program does it likewise.
 CALLS = 25
 ROUNDS = 8  # of all candidates in turns, so that a change of the machine's speed hits them alike
-OWN_NAMES = ("step", "guarded", "core", "numpy", "monitor")
+OWN_NAMES = ("step", "input", "guarded", "core", "numpy", "monitor")
 
 
 def main() -> None:
@@ -34,7 +34,8 @@ def main() -> None:
         print(f"ViSP: {peer if isinstance(peer, str) else f'{peer.version}, its own vpFeatureLine and vpServo, C++'}")
         print(f"our inner loops: {'compiled' if kernels.svd is not of_numpy.svd else 'numpy, not compiled'}\n")
         print("median of one control step [us]")
-        print("  step:    LineServo.step, with all checks of its input and everything its state says")
+        print("  step:    LineServo.step, with everything that its state says")
+        print("  input:   LineObservation.from_rows, the checks of what comes from outside")
         print("  guarded: the same with law = guarded, where L is healthy")
         print("  core:    L, its singular value decomposition, twist, inverse condition number")
         print("  numpy:   projection, L by numpy, numpy.linalg.pinv, numpy.linalg.cond; no checks")
@@ -72,7 +73,8 @@ def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
     monitor = SingularityMonitor(MonitorParameters(**scene))
     monitor.receive_pose(START, NOW)
     observation = LineObservation.of_lines(lines.transformed(START.inverse(), "camera"))
-    seen, image = observation.lines_camera, observation.image_lines.ravel()
+    seen, rows = observation.lines_camera, observation.image_lines
+    image = rows.ravel()
     target = project_lines(lines.transformed(TARGET.inverse(), "camera"))
 
     def core() -> tuple[np.ndarray, float]:
@@ -86,6 +88,7 @@ def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
 
     candidates = (
         lambda: servo.step(observation, NOW, NOW),
+        lambda: LineObservation.from_rows(seen.ids, rows, seen.direction, seen.moment, observation.usable, "camera"),
         lambda: guarded.step(observation, NOW, NOW),
         core,
         textbook,
