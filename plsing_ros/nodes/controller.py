@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Path
 from rclpy.publisher import Publisher
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityStatus
@@ -19,10 +20,11 @@ from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     controller_state_message,
     features_message,
+    fill_stamp,
+    fill_twist,
     header,
     nanoseconds,
     observation_from_message,
-    twist_stamped,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
@@ -61,10 +63,11 @@ class Controller(ParameterizedNode[ControllerParameters]):
             self.destroy_node()
             raise
         parameters = self.parameters
-        self._output_frame = parameters.tool_frame or parameters.camera_frame
         self._zero_twists = ZeroTwists()
         self._latest: Command | None = None
         self._warning = ""
+        # Made once and filled again: to make a message takes longer than to send it.
+        self._twist_message = TwistStamped(header=Header(frame_id=parameters.tool_frame or parameters.camera_frame))
         self._twist = self.publish_on(TwistStamped, "cmd_twist", qos.COMMAND)
         self._state = self.publish_on(ControllerState, "~/state", qos.STATUS)
         self.listen_to(LineFeatureArray, "line_features", self._or_halt(self._on_features), qos.SENSOR_DATA)
@@ -160,7 +163,9 @@ class Controller(ParameterizedNode[ControllerParameters]):
 
     def _command(self, command: Command, stamp: int) -> None:
         if self._zero_twists.to_be_published(command, self.parameters.zero_twists):
-            self._twist.publish(twist_stamped(command.output, header(stamp, self._output_frame)))
+            fill_stamp(self._twist_message.header.stamp, stamp)
+            fill_twist(self._twist_message.twist, command.output)
+            self._twist.publish(self._twist_message)
         if self._state.get_subscription_count():
             self._state.publish(
                 controller_state_message(command, self.parameters.law, header(stamp, self.parameters.camera_frame))

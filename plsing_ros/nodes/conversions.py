@@ -42,18 +42,17 @@ def nanoseconds(stamp: Time) -> int:
     return int(stamp.sec) * _SECOND + int(stamp.nanosec)
 
 
-def time_message(stamp: int) -> Time:
-    """Return a stamp given in nanoseconds."""
-    seconds, rest = divmod(stamp, _SECOND)
-    return Time(sec=seconds, nanosec=rest)
-
-
 def header(stamp: int, frame: str) -> Header:
     """Return a header for a stamp in nanoseconds."""
     # Filled in place, here and below: a constructor makes defaults of all its fields first, also of those it is given.
     head = Header(frame_id=frame)
-    head.stamp.sec, head.stamp.nanosec = divmod(stamp, _SECOND)
+    fill_stamp(head.stamp, stamp)
     return head
+
+
+def fill_stamp(message: Time, stamp: int) -> None:
+    """Write a stamp given in nanoseconds into a message."""
+    message.sec, message.nanosec = divmod(stamp, _SECOND)
 
 
 def flat(values: Array) -> array.array[float]:
@@ -62,7 +61,14 @@ def flat(values: Array) -> array.array[float]:
 
 
 def features_message(observation: LineObservation, head: Header) -> LineFeatureArray:
-    """Return the message of an observation; without 3-D lines their fields are empty."""
+    """Return the message of an observation."""
+    message = LineFeatureArray(header=head)
+    fill_features(message, observation)
+    return message
+
+
+def fill_features(message: LineFeatureArray, observation: LineObservation) -> None:
+    """Write an observation into a message, except for the header; without 3-D lines their fields become empty."""
     n, lines = len(observation.ids), observation.lines_camera
     directions: Array
     moments: Array
@@ -74,16 +80,13 @@ def features_message(observation: LineObservation, head: Header) -> LineFeatureA
         directions, moments = np.zeros((n, 3)), np.zeros((n, 3))
         directions[observation.usable] = lines.direction
         moments[observation.usable] = lines.moment
-    return LineFeatureArray(
-        header=head,
-        ids=list(observation.ids),
-        image_lines=flat(observation.image_lines),
-        directions=flat(directions),
-        moments=flat(moments),
-        visible=observation.usable.astype(np.uint8).tobytes(),
-        lines_verdict=int(observation.verdict),
-        lines_reason=observation.verdict_reason,
-    )
+    message.ids = array.array("i", observation.ids)
+    message.image_lines = flat(observation.image_lines)
+    message.directions = flat(directions)
+    message.moments = flat(moments)
+    message.visible = array.array("B", observation.usable.tobytes())
+    message.lines_verdict = int(observation.verdict)
+    message.lines_reason = observation.verdict_reason
 
 
 def observation_from_message(message: LineFeatureArray, frame: str) -> LineObservation:
@@ -146,13 +149,6 @@ def fill_twist(message: Twist, twist: Array) -> None:
     """Write a twist (v, omega), shape (6,), into a message."""
     linear, angular = message.linear, message.angular
     linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = twist.tolist()
-
-
-def twist_stamped(twist: Array, head: Header) -> TwistStamped:
-    """Return a stamped twist (v, omega) in the frame of the header."""
-    message = TwistStamped(header=head)
-    fill_twist(message.twist, twist)
-    return message
 
 
 def twist_from_message(message: TwistStamped, frame: str) -> Array:

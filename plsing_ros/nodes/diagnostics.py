@@ -8,7 +8,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from plsing_ros.nodes.conversions import time_message
+from plsing_ros.nodes.conversions import fill_stamp
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 
 PERIOD = 1.0  # [s] of the wall clock
@@ -51,5 +51,5 @@ class Diagnostics:
             values=[KeyValue(key=key, value=value) for key, value in shown.items()],
         )
         array = DiagnosticArray(status=[status])
-        array.header.stamp = time_message(self._node.now())
+        fill_stamp(array.header.stamp, self._node.now())
         self._publisher.publish(array)

@@ -15,16 +15,15 @@ from plsing_msgs.msg import LineFeatureArray, SimulatorState, SingularityStatus
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
-    features_message,
+    fill_features,
+    fill_stamp,
     fill_twist,
-    header,
     nanoseconds,
-    time_message,
     twist_from_message,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
-from plsing_ros.nodes.pose_conversions import camera_pose_message
+from plsing_ros.nodes.pose_conversions import fill_pose
 from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import SimulatorParameters
 from plsing_ros.servoing.simulation import Frame, Simulation
@@ -38,13 +37,18 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
         parameters = self.parameters
         self._lockstep = parameters.mode == "lockstep"
         self._simulation = Simulation(parameters)
+        # The messages of each frame are made once and filled again: to make one takes longer than to send it.
+        self._in_scene = Header(frame_id=parameters.scene_frame)
+        self._clock_message = Clock()
+        self._pose_message = PoseWithCovarianceStamped(header=self._in_scene)
+        self._features_message = LineFeatureArray(header=Header(frame_id=parameters.camera_frame))
         self._features = self.publish_on(LineFeatureArray, "line_features", qos.SENSOR_DATA)
         self._pose = self.publish_on(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
         self._state = self.publish_on(SimulatorState, "~/state", qos.STATUS)
         self._clock_topic = (
             self.create_publisher(Clock, "/clock", qos.CLOCK) if self._lockstep and parameters.publish_clock else None
         )
-        self.listen_to(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND)
+        self.listen_to(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.create_service(Trigger, "~/reset", self._on_reset)
         if self._lockstep:
@@ -92,19 +96,23 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
 
     def _publish_frame(self) -> None:
         frame = self._simulation.frame()
-        parameters = self.parameters
         if self._clock_topic is not None:
-            self._clock_topic.publish(Clock(clock=time_message(frame.stamp)))
-        in_scene = header(frame.stamp, parameters.scene_frame)
-        self._pose.publish(camera_pose_message(frame.T_world_camera, in_scene))
+            fill_stamp(self._clock_message.clock, frame.stamp)
+            self._clock_topic.publish(self._clock_message)
+        fill_stamp(self._in_scene.stamp, frame.stamp)
+        if self._pose.get_subscription_count():
+            fill_pose(self._pose_message.pose.pose, frame.T_world_camera)
+            self._pose.publish(self._pose_message)
+        fill_stamp(self._features_message.header.stamp, frame.stamp)
+        fill_features(self._features_message, frame.observation)
+        self._features.publish(self._features_message)
         self._diagnostics.count(frame.stamp)
-        self._features.publish(features_message(frame.observation, header(frame.stamp, parameters.camera_frame)))
         if self._state.get_subscription_count():
-            self._publish_state(frame, in_scene)
+            self._publish_state(frame)
 
-    def _publish_state(self, frame: Frame, head: Header) -> None:
+    def _publish_state(self, frame: Frame) -> None:
         state = SimulatorState(
-            header=head,
+            header=self._in_scene,
             mode=SimulatorState.LOCKSTEP if self._lockstep else SimulatorState.REALTIME,
             step=frame.step,
             waiting=bool(frame.reason),

@@ -18,8 +18,15 @@ from plsing_ros.pose import PoseEstimate
 def pose_message(T_world_camera: Pose) -> PoseMessage:
     """Return a pose."""
     message = PoseMessage()
-    _fill(message, T_world_camera)
+    fill_pose(message, T_world_camera)
     return message
+
+
+def fill_pose(message: PoseMessage, T_world_camera: Pose) -> None:
+    """Write a pose into a message."""
+    position, orientation = message.position, message.orientation
+    position.x, position.y, position.z = T_world_camera.translation.tolist()
+    orientation.x, orientation.y, orientation.z, orientation.w = T_world_camera.quaternion_xyzw.tolist()
 
 
 def camera_pose_message(
@@ -27,7 +34,7 @@ def camera_pose_message(
 ) -> PoseWithCovarianceStamped:
     """Return the camera's pose in the frame of the header; exactly known, so of zero covariance, if none is given."""
     message = PoseWithCovarianceStamped(header=head)
-    _fill(message.pose.pose, T_world_camera)
+    fill_pose(message.pose.pose, T_world_camera)
     if covariance is not None:
         message.pose.covariance = covariance.ravel()
     return message
@@ -72,12 +79,6 @@ def pose_estimate_message(estimate: PoseEstimate, head: Header) -> PoseEstimateM
     if estimate.T_world_camera is not None:
         message.pose = camera_pose_message(estimate.T_world_camera, head, estimate.covariance).pose
     return message
-
-
-def _fill(message: PoseMessage, T_world_camera: Pose) -> None:
-    position, orientation = message.position, message.orientation
-    position.x, position.y, position.z = T_world_camera.translation.tolist()
-    orientation.x, orientation.y, orientation.z, orientation.w = T_world_camera.quaternion_xyzw.tolist()
 
 
 def _pose(what: str, given_frame: str, pose: PoseMessage, frame: str) -> Pose:
