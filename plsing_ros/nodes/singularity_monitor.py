@@ -62,7 +62,7 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
         self._camera_markers = self.publish_on(MarkerArray, "camera_markers", qos.LATCHED)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.listen_to(PoseWithCovarianceStamped, "camera_pose", self._on_pose, qos.SENSOR_DATA)
-        self.listen_to(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND)
+        self.listen_to(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
         self.listen_to(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
         self.listen_to(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         self.create_service(SetBool, "~/enable", self._on_enable)
@@ -136,7 +136,8 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
 
     def _publish(self, assessment: Assessment) -> None:
         previous, self._latest = self._latest, assessment
-        self._status.publish(status_message(assessment, self._monitor.found, self.parameters.camera_frame))
+        if self._status.get_subscription_count():
+            self._status.publish(status_message(assessment, self._monitor.found, self.parameters.camera_frame))
         if previous is not None and previous.level is assessment.level:
             return
         before = assessment.level if previous is None else previous.level
