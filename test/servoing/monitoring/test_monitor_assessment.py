@@ -95,6 +95,14 @@ def test_a_goal_without_lines_in_space_is_refused():
         monitor_for().set_goal(LineObservation(image.ids, image.image_lines, image.usable, None))
 
 
+def test_a_goal_with_two_lines_is_refused():
+    two = LineObservation.of_lines(seen(TARGET).lines_camera.select([0, 2]))
+    with pytest.raises(
+        ObservationError, match=r"desired features: only 2 usable line\(s\) \(\[1, 3\]\) of 2; at least 3"
+    ):
+        monitor_for().set_goal(two)
+
+
 def test_lost_lines_are_compared_with_the_goal_of_the_same_lines():
     monitor = monitor_for(TARGET)
     three = LineObservation.of_lines(seen(START).lines_camera.select([0, 1, 3]))
