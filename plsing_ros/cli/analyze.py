@@ -5,18 +5,24 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import PlsingError
+from plsing_ros.experiments.scene_page import save_scene_page
 from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.singularities import SingularSet, singular_set
 
 _EPILOG = """examples:
   analyze config/paper_p4l.yaml
-  analyze config/paper_p4l.yaml --at 0.6962 -4.637 7.8    also how near a camera there is"""
+  analyze config/paper_p4l.yaml --at 0.6962 -4.637 7.8    also how near a camera there is
+  analyze config/paper_p4l.yaml --page scene.html         also a page to turn it around in a browser"""
+
+# How far from the middle of the scene lines and surfaces are drawn, in mean distances of the lines from it.
+_DRAWN = (8.0, 3.0)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -30,6 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("scene", help="parameter file with lines.points and lines.directions")
     parser.add_argument("--at", nargs=3, type=float, metavar=("X", "Y", "Z"), help="camera centre, scene frame [m]")
     parser.add_argument("--certify", action="store_true", help="prove what can be proved; takes seconds")
+    parser.add_argument("--page", type=Path, metavar="HTML", help="write an interactive 3-D page, without network use")
     options = parser.parse_args(argv)
     try:
         found = singular_set(read_scene(options.scene), certify=options.certify)
@@ -38,6 +45,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             print("\n".join(_proofs(found)))
         if options.at is not None:
             print("\n".join(_situation(found, np.array(options.at))))
+        if options.page is not None:
+            lines, surfaces = (size * found.frame.length for size in _DRAWN)
+            save_scene_page(options.page, options.scene, found, found.surfaces, (), lines, surfaces)
+            print(f"\npage: {options.page}")
     except PlsingError as error:
         print(f"analyze: {error}", file=sys.stderr)
         return 1

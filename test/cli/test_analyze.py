@@ -39,3 +39,18 @@ def test_proofs_are_printed_on_request(capsys):
     output = capsys.readouterr().out
     assert "Exactly ten isolated points, 6 of them real" in output
     assert "Not proved" not in output
+
+
+def test_a_page_is_written_on_request(tmp_path, capsys):
+    page = tmp_path / "scene.html"
+    assert main([PAPER, "--page", str(page)]) == 0
+    assert f"page: {page}" in capsys.readouterr().out
+    text = page.read_text(encoding="utf-8")
+    # Not in the assertion, which would explain five million characters.
+    drawn = [name for name in ("line 4", "transversal 2", "isolated points", "paper_p4l.yaml") if name in text]
+    assert len(drawn) == 4
+
+
+def test_a_page_that_cannot_be_written_is_one_line(tmp_path, capsys):
+    assert main([PAPER, "--page", str(tmp_path / "missing" / "scene.html")]) == 1
+    assert capsys.readouterr().err.startswith("analyze: cannot write the page")
