@@ -55,8 +55,9 @@ class RunRows:
         time, position, twist, error_norm, inverse, desired = (
             np.array(column) for column in zip(*self._rows, strict=True)
         )
+        changes = tuple(piece.reason for piece in self._task.followed.pieces)
         return RunRecord(
-            self._task.name, time, position, twist, error_norm, inverse, desired, self._arrived, (), self.ended
+            self._task.name, time, position, twist, error_norm, inverse, desired, self._arrived, (), self.ended, changes
         )
 
 

@@ -17,7 +17,7 @@ from plsing_ros.experiments.run_record import RunRecord
 from plsing_ros.experiments.sensitivity import ARRIVED, CHOICES, IMAGE_NOISE
 from plsing_ros.experiments.servo_task import LOST, TIME_STEP
 from plsing_ros.experiments.tables import markdown_table, yes
-from plsing_ros.experiments.variants import SPEED_LIMIT_ON_PATHS
+from plsing_ros.experiments.variants import GOING_ROUND, SPEED_LIMIT_ON_PATHS
 
 # Two runs of a task agree when their positions differ by less than this times (1 m + the distance to the goal).
 AGREEMENT = 1e-6
@@ -114,6 +114,7 @@ def _group(results: PaperResults, group: str, folder: Path) -> str:
     moving = results.records[group][0].target.ndim == 2 and group in (TRAJECTORIES, QUADRIFOLIA)
     parts.append(_laws_text(moving) if results.law_records else "In numbers:")
     parts.append(_runs_table({"plain": results.records, **results.law_records}, group, moving))
+    parts += _changes(results.law_records, group)
     return "\n\n".join(parts)
 
 
@@ -170,13 +171,22 @@ def _runs_table(by_law: Mapping[str, Mapping[str, Sequence[RunRecord]]], group: 
 def _laws_text(moving: bool) -> str:
     if moving:
         return (
-            "The same runs with the package's *guarded* law, its speed limited to "
-            f"{SPEED_LIMIT_ON_PATHS:g} m/s (a *detour* leads only to goals that stand still):"
+            f"The same runs with the package's *guarded* law, its speed limited to {SPEED_LIMIT_ON_PATHS:g} m/s; for "
+            f"*detour*, what comes nearer than {GOING_ROUND.margin:g} m to a transversal, an isolated point or an "
+            "observed line is first taken out of the wanted path and a planned way round put in its place, which the "
+            "guarded law follows. Errors are to the paper's path, and so larger where it goes round:"
         )
     return (
         "The same runs with the package's own laws. *guarded* limits the motion that is nearly lost, and the speed to "
         "0.15 m/s; *detour* plans a way round the singular set and follows it at 0.1 m/s:"
     )
+
+
+def _changes(law_records: Mapping[str, Mapping[str, Sequence[RunRecord]]], group: str) -> list[str]:
+    """Return what was changed of the paths of a group, as no paragraph or one."""
+    runs = [run for records in law_records.values() for run in records.get(group, ()) if run.changes]
+    lines = [f"- {run.name}: {'; '.join(run.changes)}." for run in runs]
+    return ["What was changed of the wanted paths:\n\n" + "\n".join(lines)] if lines else []
 
 
 def _ending(run: RunRecord) -> str:

@@ -34,6 +34,7 @@ class RunRecord:
         arrived: Whether the run ended at the target.
         alerts: Changes of level, the initial level included.
         ended: Why the run ended, in words, or empty.
+        changes: What was changed of the path to be followed, in words.
     """
 
     name: str
@@ -46,6 +47,7 @@ class RunRecord:
     arrived: bool
     alerts: tuple[Alert, ...]
     ended: str = ""
+    changes: tuple[str, ...] = ()
 
     @property
     def distance(self) -> Array:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from plsing_ros.arrays import Array
 from plsing_ros.experiments.paths import FixedPoint, Path, View
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.servoing.ways.detour import DetourOptions
+from plsing_ros.servoing.ways.trajectory_detour import TrajectoryDetour, plan_trajectory
+from plsing_ros.singularities import singular_set
 
 # The paper does not state it.
 TIME_STEP = 0.04  # [s]
@@ -35,6 +39,8 @@ class ServoTask:
         seed: Of the noise.
         arrived: Distance to a fixed goal at which the run ends [m]; 0: it goes on until the path's duration is over.
         law: Parameters of the controller over the plain law, by ROS name.
+        going_round: How to change the path of a moving goal where it comes near singular loci; errors are still those
+            to the path. None: it stays as it is.
     """
 
     name: str
@@ -49,6 +55,7 @@ class ServoTask:
     seed: int = 0
     arrived: float = 0.0
     law: Mapping[str, Any] = field(default_factory=dict)
+    going_round: DetourOptions | None = None
 
     @property
     def moving(self) -> bool:
@@ -60,6 +67,14 @@ class ServoTask:
         """Frames after which the run ends."""
         return round(self.path.duration / self.time_step) + 1
 
+    @cached_property
+    def followed(self) -> TrajectoryDetour:
+        """What is sent as the target: the path, changed if it is to be."""
+        if self.going_round is None:
+            return TrajectoryDetour(self.desired_pose, ())
+        found = singular_set(self.lines)
+        return plan_trajectory(found, self.desired_pose, self.path.duration, self.going_round, self.start_pose())
+
     def start_pose(self) -> Pose:
         """Return T_world_camera at the start."""
         return self.view.pose(self.start)
@@ -69,8 +84,9 @@ class ServoTask:
         return self.view.pose(self.path.position(time))
 
     def desired(self, time: float, camera_frame: str) -> LineObservation:
-        """Return what the camera would see where it shall be at a time [s]."""
-        return LineObservation.of_lines(self.lines.transformed(self.desired_pose(time).inverse(), camera_frame))
+        """Return what is sent as the target: what the camera would see where it shall be at a time [s]."""
+        pose = self.followed.pose(time)
+        return LineObservation.of_lines(self.lines.transformed(pose.inverse(), camera_frame))
 
     def scene_values(self) -> dict[str, Any]:
         """Return the scene as parameters by ROS name."""

@@ -8,8 +8,9 @@ import pytest
 from plsing_ros.experiments.core_run import run_in_core
 from plsing_ros.experiments.paper_tasks import QUADRIFOLIA, STARTS_FOUR, TRAJECTORIES, paper_tasks
 from plsing_ros.experiments.servo_task import LOST
-from plsing_ros.experiments.variants import PLAIN, all_variants, run_variants
+from plsing_ros.experiments.variants import PLAIN, Variant, all_variants, run_variants
 from plsing_ros.geometry import LineSet
+from plsing_ros.singularities import singular_set
 
 TASKS = paper_tasks()
 
@@ -92,6 +93,26 @@ def test_the_seed_decides_the_noise():
     first, second, other = (run_in_core(each) for each in (task, task, replace(task, seed=1)))
     np.testing.assert_array_equal(first.position, second.position)
     assert np.abs(first.position - other.position).max() > 1e-6
+
+
+def test_going_round_keeps_a_path_through_a_transversal_away_from_it():
+    task = shortened(TASKS[TRAJECTORIES][0], 32.0)
+    variants = all_variants({TRAJECTORIES: (task,)})
+    guarded, detour = (run_in_core(variants[Variant("law", law)][TRAJECTORIES][0]) for law in ("guarded", "detour"))
+    (transversal,) = (t for t in singular_set(task.lines).transversals if t.name == "transversal 2")
+    closest = [
+        np.linalg.norm(np.cross(run.position - transversal.point, transversal.direction), axis=1).min()
+        for run in (guarded, detour)
+    ]
+    # Noise and delay take a part of the margin of 0.1 m.
+    assert closest[0] < 0.01 and closest[1] > 0.07
+    assert detour.inverse_condition_number.min() > 10.0 * guarded.inverse_condition_number.min()
+    # The error is still that to the unchanged path: larger where it goes round, and as before afterwards.
+    np.testing.assert_array_equal(detour.target, guarded.target)
+    assert 0.1 < detour.distance.max() < 0.3 and detour.linear_speed.max() <= 0.3
+    assert detour.distance[-1] == pytest.approx(guarded.distance[-1], abs=0.02)
+    assert guarded.changes == () and len(detour.changes) == 1
+    assert detour.changes[0].startswith("transversal 2 is") and "joined again at" in detour.changes[0]
 
 
 def test_every_variant_is_run_in_order():

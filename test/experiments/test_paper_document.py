@@ -91,6 +91,14 @@ def test_a_document_of_one_group(tmp_path):
     assert "## Choices" not in text and "## Core and nodes" not in text
 
 
+def test_changed_paths_are_told_of(tmp_path):
+    changed = replace(record("Trajectory 1", 0.2), changes=("transversal 2 is near: left and joined again",))
+    text = document(results(law_records={"detour": {TRAJECTORIES: [changed, record("Trajectory 2")]}}), tmp_path)
+    assert "|  | detour | 0.3 m away after 0 s | 0.3 | 0.3 | 1.73 | 5.0e-01 |" in text
+    assert "- Trajectory 1: transversal 2 is near: left and joined again." in text and "- Trajectory 2:" not in text
+    assert "nearer than 0.1 m" in text
+
+
 def test_choices_and_nodes_are_reported(tmp_path):
     claims = claims_of({TRAJECTORIES: [record("Trajectory 1"), record("Trajectory 2")]})
     nodes = {TRAJECTORIES: [record("Trajectory 1", 1e-5), record("Trajectory 2", 1e-12)]}

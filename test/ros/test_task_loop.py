@@ -14,6 +14,8 @@ from plsing_ros.experiments.paper_tasks import QUADRIFOLIA, STARTS_FIVE, STARTS_
 from plsing_ros.nodes import qos, task_loop
 from plsing_ros.nodes.harness import Harness
 from plsing_ros.nodes.task_loop import run_in_nodes
+from plsing_ros.servoing.ways.camera_path import SpeedLimits
+from plsing_ros.servoing.ways.detour import DetourOptions
 
 TASKS = paper_tasks()
 
@@ -46,6 +48,19 @@ def test_nodes_and_core_give_the_same_run(task, executor):
     np.testing.assert_array_equal(nodes.target, core.target)
     assert [number for number, _ in frames] == list(range(1, 32))
     np.testing.assert_allclose([distance for _, distance in frames], nodes.distance)
+
+
+def test_a_changed_path_is_published_like_any_other():
+    """A clover in 5 s, beside the isolated point in its centre."""
+    task = shortened(QUADRIFOLIA, 1, 5.0, law={"law": "guarded", "max_linear_speed": 3.0})
+    task = replace(task, going_round=DetourOptions(margin=0.1, limits=SpeedLimits(2.0, 2.0)))
+    nodes, core = run_in_nodes(task), run_in_core(task)
+    assert len(core.changes) >= 3 and core.changes == nodes.changes
+    assert len(nodes.time) == 126 and runs_agree(core, nodes)
+    apart = np.linalg.norm(nodes.position - task.path.middle, axis=1)
+    assert apart.min() > 0.06
+    unchanged = run_in_core(replace(task, going_round=None))
+    assert np.linalg.norm(unchanged.position - task.path.middle, axis=1).min() < 0.03
 
 
 def test_a_run_that_arrives_and_one_that_is_lost_end():

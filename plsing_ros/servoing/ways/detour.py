@@ -22,7 +22,7 @@ from plsing_ros.singularities import Kind, SingularSet
 # Poses at which a way is checked.
 _CHECKED = 128
 # What is asked of the clearance of a way whose corners are rounded, as a share of what was asked of the polygon.
-_ROUNDED = 0.7
+ROUNDED = 0.7
 # Tilts tried where a line comes near the focal plane: how far [rad], and in how many directions each.
 _TILTS = np.radians([12.0, 25.0, 40.0])
 _TILT_WAYS = 8
@@ -230,7 +230,7 @@ class _Judge:
         # Dense at the ends, where distances to keep may be small.
         progress = 0.5 - 0.5 * np.cos(np.pi * even_progress(_CHECKED))
         rotation, position = path.poses(progress)
-        asked = self.clearance.to_keep(position) * (_ROUNDED if len(corners) else 1.0)
+        asked = self.clearance.to_keep(position) * (ROUNDED if len(corners) else 1.0)
         distance = self.clearance.distances(position)
         worst = np.unravel_index(np.argmin(distance - asked), asked.shape)
         if distance[worst] < asked[worst]:

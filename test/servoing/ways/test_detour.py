@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from plain_distances import distances
 from strategies import directions, numbers, vectors
 
 from plsing_ros.errors import GeometryError
@@ -21,15 +22,6 @@ GOAL = Pose.from_quaternion(near_transversal.TARGET_POSITION, near_transversal.O
 
 def at(position):
     return Pose(GOAL.rotation, np.asarray(position))
-
-
-def distances(centers, found):
-    """From centres (k, 3) to all transversals, isolated points and observed lines, one by one."""
-    single = [(t.point, t.direction) for t in found.transversals]
-    observed = list(zip(found.lines.point, found.lines.direction, strict=True))
-    to_lines = [np.linalg.norm(np.cross(centers - point, direction), axis=1) for point, direction in single + observed]
-    to_points = [np.linalg.norm(centers - point, axis=1) for point in found.isolated_points]
-    return np.array(to_lines + to_points).T
 
 
 def assert_clear(plan, found, start, goal, share):
