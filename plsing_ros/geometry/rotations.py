@@ -42,12 +42,21 @@ def quaternion_from_rotation(rotation: Array) -> Array:
     return np.array((x / length, y / length, z / length, w / length))
 
 
-def exponential(rotation_vector: Array) -> tuple[Array, Array]:
-    """Return exp([rotation_vector]x) and the integral of exp(s [rotation_vector]x) over s in [0, 1], both (3, 3).
+def rotation_vector(rotation: Array) -> Array:
+    """Return axis times angle, in [0, pi] [rad], of a rotation matrix, shape (3,)."""
+    x, y, z, w = quaternion_from_rotation(rotation).tolist()
+    sine = math.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * math.atan2(sine, abs(w)) / sine if sine > 0.0 else 2.0
+    scale = math.copysign(scale, w)
+    return np.array((scale * x, scale * y, scale * z))
+
+
+def exponential(vector: Array) -> tuple[Array, Array]:
+    """Return exp([vector]x) and the integral of exp(s [vector]x) over s in [0, 1], both (3, 3).
 
     Source: the exponential of so(3) and its left Jacobian, which together make that of se(3).
     """
-    x, y, z = rotation_vector.tolist()
+    x, y, z = vector.tolist()
     angle = math.sqrt(x * x + y * y + z * z)
     if angle < 1e-4:
         # Series, accurate to 1e-17 here; the closed form would cancel.

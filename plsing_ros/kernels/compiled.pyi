@@ -39,3 +39,53 @@ def solve(
     threshold: float,
     /,
 ) -> bool: ...
+def image_residuals(
+    lines: Array, image_lines: Array, settings: Array, rotation: Array, translation: Array, table: Array, /
+) -> None: ...
+def image_jacobians(table: Array, raw: Array, value: Array, /) -> None: ...
+def refine_poses(
+    lines: Array,
+    image_lines: Array,
+    settings: Array,
+    weight: Array,
+    rotation: Array,
+    translation: Array,
+    gain: Array,
+    final: Array,
+    iterations: int,
+    /,
+) -> None: ...
+def search_poses(
+    lines: Array,
+    image_lines: Array,
+    settings: Array,
+    rotation: Array,
+    translation: Array,
+    costs: Array,
+    found: Array,
+    /,
+) -> int: ...
+def pose_uncertainty(
+    lines: Array,
+    image_lines: Array,
+    settings: Array,
+    rotation: Array,
+    translation: Array,
+    weight: Array,
+    deviation: Array,
+    axes: Array,
+    covariance: Array,
+    figures: Array,
+    /,
+) -> bool: ...
+def triplet_rotations(
+    frame: Array,
+    others: Array,
+    normals: Array,
+    sampling: Array,
+    rotation: Array,
+    valid: Array,
+    degenerate: Array,
+    /,
+) -> None: ...
+def translations(rotation: Array, normals: Array, points: Array, t: Array, /) -> None: ...

@@ -59,18 +59,75 @@ void left_vectors(const struct decomposition *d, double *left);
 /* Fill `components` (k) with the transpose of `left` times `vector` (m). */
 void along_left_vectors(struct decomposition *d, const double *vector, double *components);
 
+/* residuals.c */
+
+#define MOST_LINES 1000000
+/* Numbers that kernels.image_residuals says of a line at a pose. */
+#define RESIDUAL_ROWS 15
+
+/* An image of known lines. Variances: of the image, of the lines in the scene and in the camera frame. */
+struct image {
+    const double *lines; /* (count, 6): directions and moments in the world */
+    const double *seen;  /* (count, 3) */
+    Py_ssize_t count;
+    double noise, scene, camera, least_cosine;
+    struct residual *room; /* for 2 count residuals */
+    Py_buffer buffers[3];
+};
+
+/* A line at a pose; kernels/residuals.py has the names. */
+struct residual {
+    double raw[2], whitening[3], p[3], s, vz, determinant;
+    int reversed, hidden;
+};
+
+/* Take the lines, the image and its settings from three arguments; return 0 with an exception set if they do not fit. */
+int take_image(PyObject *const *args, struct image *image);
+void release_image(struct image *image);
+/* Fill the residuals of all lines at a pose T_camera_world. */
+void residuals_at(const struct image *image, const double *rotation, const double *translation, struct residual *lines);
+/* Turn an angle and an offset into uncorrelated numbers in standard deviations. */
+void whiten(const double *whitening, const double *raw, double *value);
+/* Fill the derivatives of angle and offset by the camera's twist. */
+void jacobian_of(const struct residual *line, double rows[2][6]);
+
+/* refinement.c */
+
+/* Solve a x = b, n <= 6, by elimination; a and b are overwritten, b by x. Return 0 if a is singular to the last bit. */
+int eliminate(double *a, double *b, int n);
+/* Move a camera by a motion (v, w) in its frame: the scene moves by the inverse. The rotation is Cayley's. */
+void move(const double *motion, const double *rotation, const double *translation, double *new_rotation,
+          double *new_translation);
+/* The sum of squares of residuals, by the measure of others. Weights of lines, 0 or 1, here and below: NULL for 1. */
+double misfit(const struct residual *lines, const struct residual *measure, const double *weight, Py_ssize_t count);
+/* Refine one pose in place; return whether it is at a minimum, and the gain of the last step. */
+int refine(const struct image *image, const double *weight, long iterations, double *rotation, double *translation,
+           double *gain);
+
+/* eigenvalues.c */
+
+/* Find the eigenvalues of an upper Hessenberg matrix (n, n), which is overwritten. Return whether all were found. */
+int hessenberg_eigenvalues(double *matrix, int n, double *real, double *imaginary);
+
 /* What Python calls, listed in compiled.c. */
 
 #define FUNCTION(name) PyObject *name(PyObject *self, PyObject *const *args, Py_ssize_t count)
 FUNCTION(are_image_lines);
 FUNCTION(are_lines);
 FUNCTION(have_images);
+FUNCTION(image_jacobians);
+FUNCTION(image_residuals);
 FUNCTION(interaction_matrix);
 FUNCTION(is_rotation);
 FUNCTION(mean_interaction);
 FUNCTION(plain_law);
+FUNCTION(pose_uncertainty);
+FUNCTION(refine_poses);
+FUNCTION(search_poses);
 FUNCTION(solve);
 FUNCTION(subtract);
 FUNCTION(svd);
+FUNCTION(translations);
+FUNCTION(triplet_rotations);
 
 #endif

@@ -3,17 +3,29 @@
 from plsing_ros.kernels.interaction import interaction_matrix, mean_interaction
 from plsing_ros.kernels.least_squares import plain_law, solve, subtract
 from plsing_ros.kernels.lines import are_image_lines, are_lines, have_images, is_rotation
+from plsing_ros.kernels.refinement import refine_poses
+from plsing_ros.kernels.residuals import image_jacobians, image_residuals
+from plsing_ros.kernels.search import search_poses
 from plsing_ros.kernels.singular_values import svd
+from plsing_ros.kernels.triplets import translations, triplet_rotations
+from plsing_ros.kernels.uncertainty import pose_uncertainty
 
 __all__ = [
     "are_image_lines",
     "are_lines",
     "have_images",
+    "image_jacobians",
+    "image_residuals",
     "interaction_matrix",
     "is_rotation",
     "mean_interaction",
     "plain_law",
+    "pose_uncertainty",
+    "refine_poses",
+    "search_poses",
     "solve",
     "subtract",
     "svd",
+    "translations",
+    "triplet_rotations",
 ]

@@ -58,10 +58,13 @@ class SceneTriplets:
         normals = image_lines / np.sqrt(np.einsum("ij,ij->i", image_lines, image_lines))[:, np.newaxis]
         rotation, valid = self._solve(normals)
         if all_lines:
-            t = translations(normals, rotation.reshape(-1, 3, 3), self._point).reshape(*valid.shape, 3)
+            rotation = rotation[valid]
+            t = translations(normals, rotation, self._point)
         else:
-            t = translations(normals[self.rows], rotation, self._point[self.rows])
-        rotation, t = rotation[valid], t[valid]
+            t = np.array([translations(normals[i], rotation[j], self._point[i]) for j, i in enumerate(self.rows)])[
+                valid
+            ]
+            rotation = rotation[valid]
         return rotation, t - rotation @ self.center
 
     def _rotations(self, normals: Array) -> tuple[Array, BoolArray]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.rotations import rotation_vector
 from plsing_ros.parameters.pose_estimator import EstimationParameters
 from plsing_ros.pose.covariance import Uncertainty, uncertainty
 from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate
@@ -79,7 +79,7 @@ class PoseEstimator:
         if last is not None and reach is not None:
             found = [each for each in found if _within(each, last, *reach)] or found
         best = self._preferred(found, last)
-        spread = uncertainty(image, best.rotation, best.translation, best.residuals, best.weight)
+        spread = uncertainty(image, best.rotation, best.translation, best.weight)
         if spread is None:
             return failed_estimate("the image does not determine the pose: a motion of the camera moves no line")
         return self._described(scene, best, found, spread)
@@ -160,7 +160,7 @@ class PoseEstimator:
     def _differs(self, first: Hypothesis, second: Hypothesis, spread: Uncertainty) -> bool:
         """Whether two poses are further apart than the limits, and than the first one's covariance allows."""
         shift = second.center - first.center
-        turn = Rotation.from_matrix(second.rotation.T @ first.rotation).as_rotvec()
+        turn = rotation_vector(second.rotation.T @ first.rotation)
         limits = self.settings
         if np.linalg.norm(shift) <= limits.most_position_deviation and (
             np.linalg.norm(turn) <= limits.most_rotation_deviation
@@ -181,8 +181,9 @@ def _with_last(rotation: Array, translation: Array, last: Pose | None) -> tuple[
 
 
 def _within(hypothesis: Hypothesis, last: Pose, distance: float, angle: float) -> bool:
-    turn = Rotation.from_matrix(hypothesis.rotation @ last.rotation).magnitude()
-    return bool(np.linalg.norm(hypothesis.center - last.translation) <= distance and turn <= angle)
+    turn = rotation_vector(hypothesis.rotation @ last.rotation)
+    shift = hypothesis.center - last.translation
+    return bool(np.linalg.norm(shift) <= distance and np.linalg.norm(turn) <= angle)
 
 
 def _same(first: Hypothesis, second: Hypothesis) -> bool:

@@ -7,22 +7,41 @@ from scipy.integrate import quad_vec
 from scipy.spatial.transform import Rotation
 from strategies import vectors
 
-from plsing_ros.geometry.rotations import exponential, quaternion_from_rotation, rotation_from_quaternion
+from plsing_ros.geometry.rotations import (
+    exponential,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_vector,
+)
 
 HALF_TURNS = [np.pi * np.array(axis) for axis in ([1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [0.6, 0, -0.8])]
 
 
-@given(rotation_vector=vectors())
-def test_quaternion_and_matrix_are_those_of_scipy(rotation_vector):
-    rotation = Rotation.from_rotvec(rotation_vector)
+@given(vector=vectors())
+def test_quaternion_and_matrix_are_those_of_scipy(vector):
+    rotation = Rotation.from_rotvec(vector)
     np.testing.assert_allclose(rotation_from_quaternion(rotation.as_quat()), rotation.as_matrix(), atol=1e-15)
     quaternion = quaternion_from_rotation(rotation.as_matrix())
     assert abs(quaternion @ rotation.as_quat()) == pytest.approx(1.0, abs=1e-15)
 
 
-@pytest.mark.parametrize("rotation_vector", HALF_TURNS, ids=str)
-def test_half_turns_have_a_quaternion(rotation_vector):
-    rotation = Rotation.from_rotvec(rotation_vector).as_matrix()
+@given(vector=vectors())
+@example(vector=np.zeros(3))
+@example(vector=np.array([0.0, 1e-12, 0.0]))
+@example(vector=np.array([0.0, 0.0, 4.0]))
+def test_rotation_vector_is_that_of_scipy(vector):
+    rotation = Rotation.from_rotvec(vector)
+    expected = rotation.as_rotvec()
+    found = rotation_vector(rotation.as_matrix())
+    assert np.linalg.norm(found) <= np.pi + 1e-15
+    np.testing.assert_allclose(Rotation.from_rotvec(found).as_matrix(), rotation.as_matrix(), atol=1e-14)
+    if np.linalg.norm(expected) < 3.14:
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("vector", HALF_TURNS, ids=str)
+def test_half_turns_have_a_quaternion(vector):
+    rotation = Rotation.from_rotvec(vector).as_matrix()
     np.testing.assert_allclose(rotation_from_quaternion(quaternion_from_rotation(rotation)), rotation, atol=1e-15)
 
 
@@ -31,12 +50,12 @@ def test_the_length_of_a_quaternion_does_not_matter():
     np.testing.assert_allclose(rotation_from_quaternion(7.0 * quaternion), rotation_from_quaternion(quaternion))
 
 
-@given(rotation_vector=vectors())
-@example(rotation_vector=np.zeros(3))
-@example(rotation_vector=np.array([0.99e-4, 0.0, 0.0]))
-@example(rotation_vector=np.array([0.0, 1.01e-4, 0.0]))
-def test_exponential_is_that_of_scipy_and_its_mean_the_integral(rotation_vector):
-    turn, mean_turn = exponential(rotation_vector)
-    np.testing.assert_allclose(turn, Rotation.from_rotvec(rotation_vector).as_matrix(), atol=1e-14)
-    integral, _ = quad_vec(lambda share: Rotation.from_rotvec(share * rotation_vector).as_matrix(), 0.0, 1.0)
+@given(vector=vectors())
+@example(vector=np.zeros(3))
+@example(vector=np.array([0.99e-4, 0.0, 0.0]))
+@example(vector=np.array([0.0, 1.01e-4, 0.0]))
+def test_exponential_is_that_of_scipy_and_its_mean_the_integral(vector):
+    turn, mean_turn = exponential(vector)
+    np.testing.assert_allclose(turn, Rotation.from_rotvec(vector).as_matrix(), atol=1e-14)
+    integral, _ = quad_vec(lambda share: Rotation.from_rotvec(share * vector).as_matrix(), 0.0, 1.0)
     np.testing.assert_allclose(mean_turn, integral, atol=1e-7)

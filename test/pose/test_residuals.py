@@ -26,7 +26,7 @@ def test_jacobian_matches_central_differences(view, twist):
     step = 1e-6
     at = residuals_of(lines, image, NOISES[0], pose, pose.moved(twist, step), pose.moved(twist, -step))
     expected = (at.raw[1] - at.raw[2]) / (2.0 * step)
-    found = np.einsum("aij,a->ij", at.raw_jacobian[0], twist)
+    found = np.einsum("ija,a->ij", at.raw_jacobian[0], twist)
     np.testing.assert_allclose(found, expected, atol=1e-4 * (1.0 + np.abs(expected).max()))
 
 
@@ -35,7 +35,7 @@ def test_jacobian_has_the_singular_values_of_the_interaction_matrix():
     at = residuals_of(lines, image_of(lines, pose).image_lines, NOISES[0], pose)
     matrix = interaction_matrix(lines.transformed(pose.inverse(), "camera"))
     np.testing.assert_allclose(
-        np.linalg.svd(at.raw_jacobian[0].reshape(6, -1), compute_uv=False),
+        np.linalg.svd(at.raw_jacobian[0].reshape(-1, 6), compute_uv=False),
         np.linalg.svd(matrix, compute_uv=False),
         rtol=1e-9,
     )
@@ -89,12 +89,12 @@ def test_visible_is_what_sampling_the_lines_says(view):
     inverse = pose.inverse()
     image = image_of(lines, pose).image_lines
     model = ImageResiduals(lines.direction, lines.moment, image, NOISES[0], largest)
-    visible = model.at(inverse.rotation[np.newaxis], inverse.translation[np.newaxis]).visible[0]
+    hidden = model.at(inverse.rotation[np.newaxis], inverse.translation[np.newaxis]).hidden[0]
     # Image lines that miss the field of view altogether are none that a tracker reports.
     reported = np.abs(image[:, 2]) / np.hypot(1.0, image[:, 2]) < np.sin(largest) - 1e-3
     clear = np.abs(cosine - np.cos(largest)) > 1e-3
     expected = cosine > np.cos(largest)
-    assert visible[reported & clear].tolist() == expected[reported & clear].tolist()
+    assert (~hidden)[reported & clear].tolist() == expected[reported & clear].tolist()
 
 
 def test_without_a_field_of_view_every_line_has_a_visible_part():
@@ -102,4 +102,4 @@ def test_without_a_field_of_view_every_line_has_a_visible_part():
         lines, pose = random_view(np.random.default_rng(seed), 6)
         turned = Pose(pose.rotation @ np.diag([1.0, -1.0, -1.0]), pose.translation)
         for each in (pose, turned):
-            assert residuals_of(lines, image_of(lines, each).image_lines, NOISES[0], each).visible.all()
+            assert not residuals_of(lines, image_of(lines, each).image_lines, NOISES[0], each).hidden.any()

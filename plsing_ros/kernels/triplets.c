@@ -1,0 +1,175 @@
+/* Camera rotations from three lines, for many triplets at once, and the translations that go with them. */
+
+#include "kernels.h"
+
+#include <math.h>
+#include <string.h>
+
+#define SAMPLES 9
+#define DEGREE 8
+#define DEGENERATE 1e-10
+#define LEAST 1e-15
+
+static double dot3(const double *a, const double *b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* c = a b, or a^T b. */
+static void multiply(const double *a, int transposed, const double *b, double *c)
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            c[3 * i + j] = 0.0;
+            for (int l = 0; l < 3; l++)
+                c[3 * i + j] += a[transposed ? 3 * l + i : 3 * i + l] * b[3 * l + j];
+        }
+}
+
+/* A rotation that takes a unit vector to the z axis. */
+static void frame_of(const double *axis, double *frame)
+{
+    double sign = copysign(1.0, axis[2]), mirror[3] = {axis[0], axis[1], axis[2] + sign};
+    double scale = 2.0 / dot3(mirror, mirror);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            frame[3 * i + j] = (i == 1 ? 1.0 : sign) * (scale * mirror[i] * mirror[j] - (i == j));
+}
+
+/* The two equations at an angle beta, both linear in (cos alpha, sin alpha, 1), solved up to the length. */
+static void solve_for_alpha(double equations[2][3][3], double cosine, double sine, double *solution)
+{
+    double at[2][3];
+    for (int k = 0; k < 2; k++)
+        for (int i = 0; i < 3; i++)
+            at[k][i] = equations[k][i][0] + equations[k][i][1] * cosine + equations[k][i][2] * sine;
+    solution[0] = at[0][1] * at[1][2] - at[0][2] * at[1][1];
+    solution[1] = at[0][2] * at[1][0] - at[0][0] * at[1][2];
+    solution[2] = at[0][0] * at[1][1] - at[0][1] * at[1][0];
+}
+
+/* Fill the rotations (8, 3, 3) of one triplet and which of them are solutions; return whether there is a continuum. */
+static int rotations_of(const double *frame, const double *others, const double *normals, const double *samples,
+                        double *rotation, double *valid)
+{
+    double image_frame[9], equations[2][3][3], size = 1.0, q[SAMPLES], most = 0.0, coefficients[SAMPLES];
+    double companion[DEGREE * DEGREE] = {0.0}, real[DEGREE], imaginary[DEGREE], solution[3];
+    const double *cosines = samples, *sines = samples + SAMPLES;
+    int start = 0;
+    frame_of(normals, image_frame);
+    for (int k = 0; k < 2; k++) {
+        const double *n = normals + 3 * (k + 1), *u = others + 3 * k;
+        double a = dot3(image_frame, n), b = dot3(image_frame + 3, n), c = dot3(image_frame + 6, n), largest = 0.0;
+        const double of_line[3][3] = {
+            {a * u[0], b * u[1], -b * u[2]}, {b * u[0], -a * u[1], a * u[2]}, {0.0, c * u[2], c * u[1]}};
+        memcpy(equations[k], of_line, sizeof of_line);
+        for (int i = 0; i < 9; i++)
+            largest = fmax(largest, fabs(of_line[i / 3][i % 3]));
+        size *= largest * largest;
+    }
+    for (int m = 0; m < SAMPLES; m++) {
+        solve_for_alpha(equations, cosines[m], sines[m], solution);
+        q[m] = solution[0] * solution[0] + solution[1] * solution[1] - solution[2] * solution[2];
+        if (fabs(q[m]) > most) {
+            most = fabs(q[m]);
+            start = m;
+        }
+    }
+    for (int i = 0; i < DEGREE; i++) {
+        memset(rotation + 9 * i, 0, 9 * sizeof *rotation);
+        rotation[9 * i] = rotation[9 * i + 4] = rotation[9 * i + 8] = 1.0;
+        valid[i] = 0.0;
+    }
+    if (!(most > DEGENERATE * size))
+        return 1;
+    for (int i = 0; i < SAMPLES; i++) {
+        coefficients[i] = 0.0;
+        for (int m = 0; m < SAMPLES; m++)
+            coefficients[i] += samples[SAMPLES * (i + 2) + m] * q[(start + m) % SAMPLES];
+    }
+    for (int i = 0; i < DEGREE; i++) {
+        companion[i] = -coefficients[DEGREE - 1 - i] / coefficients[DEGREE];
+        if (i > 0)
+            companion[DEGREE * i + i - 1] = 1.0;
+    }
+    if (!hessenberg_eigenvalues(companion, DEGREE, real, imaginary))
+        return 1;
+    for (int i = 0; i < DEGREE; i++, rotation += 9) {
+        if (imaginary[i] < 0.0)
+            continue;
+        /* Twice the angle of (1, t), from the sample opposite to the first one. */
+        double x = 1.0 - real[i] * real[i] - imaginary[i] * imaginary[i], y = 2.0 * real[i], length = hypot(x, y);
+        double c = length > 0.0 ? x / length : 1.0, s = length > 0.0 ? y / length : 0.0;
+        double cosine = -(c * cosines[start] - s * sines[start]);
+        double sine = -(s * cosines[start] + c * sines[start]);
+        solve_for_alpha(equations, cosine, sine, solution);
+        double across = hypot(solution[0], solution[1]);
+        if (!(across * across > DEGENERATE * size))
+            continue;
+        double scale = copysign(1.0 / across, solution[2]), ca = solution[0] * scale, sa = solution[1] * scale;
+        const double middle[9] = {ca, -sa * cosine, sa * sine, sa, ca * cosine, -ca * sine, 0.0, sine, cosine};
+        double turned[9];
+        multiply(middle, 0, frame, turned);
+        multiply(image_frame, 1, turned, rotation);
+        valid[i] = 1.0;
+    }
+    return 0;
+}
+
+PyObject *triplet_rotations(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    static const int columns[] = {9, 6, 9, -SAMPLES * (SAMPLES + 2), 9 * DEGREE, DEGREE, 1};
+    Py_buffer buffers[7];
+    (void)self;
+    if (!are_arguments(count, 7))
+        return NULL;
+    Py_ssize_t triplets = take_arrays(args, columns, 7, 3, buffers);
+    if (triplets < 0)
+        return NULL;
+    const double *frame = buffers[0].buf, *others = buffers[1].buf, *normals = buffers[2].buf;
+    double *rotation = buffers[4].buf, *valid = buffers[5].buf, *degenerate = buffers[6].buf;
+    for (Py_ssize_t i = 0; i < triplets; i++)
+        degenerate[i] = rotations_of(frame + 9 * i, others + 6 * i, normals + 9 * i, buffers[3].buf, rotation + 9 * DEGREE * i,
+                                     valid + DEGREE * i);
+    release_arrays(buffers, 7);
+    Py_RETURN_NONE;
+}
+
+PyObject *translations(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Py_buffer buffers[4];
+    (void)self;
+    if (!are_arguments(count, 4))
+        return NULL;
+    const Py_ssize_t n = PyObject_Length(args[1]);
+    if (n < 1 || n > MOST_LINES) {
+        if (!PyErr_Occurred())
+            PyErr_Format(PyExc_ValueError, "there must be 1 to %d lines", MOST_LINES);
+        return NULL;
+    }
+    const int columns[] = {9, -3 * (int)n, -3 * (int)n, 3};
+    Py_ssize_t k = take_arrays(args, columns, 4, 1, buffers);
+    if (k < 0)
+        return NULL;
+    const double *rotation = buffers[0].buf, *normals = buffers[1].buf, *points = buffers[2].buf;
+    double *t = buffers[3].buf, normal[9] = {LEAST, 0.0, 0.0, 0.0, LEAST, 0.0, 0.0, 0.0, LEAST};
+    for (Py_ssize_t i = 0; i < 3 * n; i += 3)
+        for (int j = 0; j < 9; j++)
+            normal[j] += normals[i + j / 3] * normals[i + j % 3];
+    for (; k > 0; k--, rotation += 9, t += 3) {
+        double matrix[9];
+        memcpy(matrix, normal, sizeof matrix);
+        t[0] = t[1] = t[2] = 0.0;
+        for (Py_ssize_t i = 0; i < 3 * n; i += 3) {
+            double off = 0.0;
+            for (int j = 0; j < 3; j++)
+                off += normals[i + j] * dot3(rotation + 3 * j, points + i);
+            for (int j = 0; j < 3; j++)
+                t[j] -= normals[i + j] * off;
+        }
+        if (!eliminate(matrix, t, 3))
+            t[0] = t[1] = t[2] = 0.0;
+    }
+    release_arrays(buffers, 4);
+    Py_RETURN_NONE;
+}
