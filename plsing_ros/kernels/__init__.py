@@ -1,8 +1,8 @@
 """The inner loops of every cycle: compiled where the package was built with a C compiler, else made of numpy.
 
 Both give the same numbers to rounding. They fill arrays that the caller has made, C-contiguous and float64, and check
-nothing of them but what they say; use them through LineSet, interaction_matrix, factorised, solved and PoseEstimator. The
-Python files say what they do, a topic each.
+nothing of them but what they say; use them through LineSet, interaction_matrix, factorised, solved and PoseEstimator.
+The Python files say what they do, a topic each.
 """
 
 try:
