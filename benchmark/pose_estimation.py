@@ -2,7 +2,9 @@
 
 The images are exact; the scene is known with Gaussian noise on the Plücker coordinates of its lines (unit directions
 and moments about the origin), the paper's sigma, drawn anew for each sample. Every candidate gets the same noisy scene.
-A library that is not installed is named as such. Times are the least processor time of one image, in a prepared scene.
+A library that is not installed is named as such. Times are the least processor time of one image, with the scene
+prepared, candidates taking turns; the mean of five places along the trajectory. "warm" starts from the estimate of the
+sample before, too, as the node does.
 
     python3 -m benchmark pose_estimation
     python3 -m benchmark.pose_estimation --samples 401 --seeds 5
@@ -34,8 +36,11 @@ from plsing_ros.pose.refinement import refine
 from plsing_ros.pose.residuals import ImageResiduals, LineNoise
 
 SAMPLES, SEEDS = 101, 1
-_ROUNDS = 60
-_OURS, _BACKEND = "plsing_ros", "plsing_ros, backend poselib"
+_PLACES, _ROUNDS = 5, 30
+_OURS, _BACKEND, _WARM = "plsing_ros", "plsing_ros, backend poselib", "plsing_ros, warm"
+_FIRST = "plsing_ros, first estimate"
+# What times are compared with.
+_REFERENCE = "PoseLib pnpl, 20 to 100 iterations"
 _FOCAL_LENGTH = 1000.0  # [px]
 # Half of the length of the segments that libraries are given instead of lines.
 _HALF_PIXELS, _HALF_METRES = 500.0, 1.0
@@ -59,45 +64,48 @@ def main() -> None:
 
 def report(samples: int, seeds: int) -> None:
     """Print a table for each trajectory."""
-    found, missing = _candidates()
-    print(_times(found, missing))
     for experiment in EXPERIMENTS:
+        found, missing = _candidates()
+        seconds = _times(experiment, found)
         records = _run(experiment, found, samples, seeds)
         print(f"{experiment.name}; {samples} samples, {seeds} seed(s)")
-        print("  translation error [m]:                  median    95 %      max    none      OK  max of OK")
+        print(
+            "                                      time of it to        translation error [m]\n"
+            "                                      [ms]  PoseLib    median    95 %      max    none      OK  max of OK"
+        )
         for name, record in records.items():
             error, ok = np.array(record.error), np.array(record.ok)
             there = np.isfinite(error)
             numbers = "  ".join(f"{value:8.2g}" for value in np.quantile(error[there], [0.5, 0.95, 1.0]))
             largest = f"{error[ok].max():9.2g}" if ok.any() else "        -"
-            print(f"  {name:34s}  {numbers}  {(~there).sum():5d}  {ok.mean():5.0%}  {largest}")
+            time_of_it = f"{1e3 * seconds[name]:6.2f}" if name in seconds else "     -"
+            ratio = seconds.get(name, np.nan) / seconds.get(_REFERENCE, np.nan)
+            share = f"{ratio:7.2f}" if np.isfinite(ratio) else "      -"
+            print(f"  {name:34s}{time_of_it}  {share}  {numbers}  {(~there).sum():5d}  {ok.mean():5.0%}  {largest}")
         for name in missing:
             print(f"  {name:34s}  not installed")
         print(flush=True)
 
 
-def _times(candidates: dict[str, Candidate], missing: list[str]) -> str:
-    """Return the times for one image of four and of five lines, away from singularities and on the transversal."""
-    rows = ["time for one image [ms]:            " + "".join(f"{_short(each):>16s}" for each in EXPERIMENTS)]
-    columns: list[dict[str, float]] = []
-    for experiment in EXPERIMENTS:
-        pose = experiment.poses(41)[2]
+def _times(experiment: Experiment, candidates: dict[str, Candidate]) -> dict[str, float]:
+    """Return the time for one image of each [s]."""
+    poses = experiment.poses(8 * _PLACES + 1)[2::8]
+    total = dict.fromkeys((name for name in candidates if name != _FIRST), 0.0)
+    for pose in poses:
         seen = LineObservation.of_lines(experiment.scene.transformed(pose.inverse(), "camera"))
         known = noisy_scene(experiment.scene, experiment.noise, np.random.default_rng(1))
+        last = pose.moved(np.full(6, 0.003), 1.0)
         calls: dict[str, Callable[[], object]] = {
-            name: (lambda each=candidate: each(known, seen, experiment.noise))
-            for name, candidate in candidates.items()
-            if "first estimate" not in name
+            name: (lambda each=candidates[name]: each(known, seen, experiment.noise)) for name in total
         }
-        for backend, name in ((b, n) for b, n in (("numpy", _OURS), ("poselib", _BACKEND)) if n in calls):
-            settings = EstimationParameters(noise_image=0.0, noise_scene=experiment.noise, backend=backend)
-            estimator = PoseEstimator(known, settings)
-            estimator.estimate(seen)
-            calls[name] = lambda each=estimator: each.estimate(seen)
-        columns.append(_least_seconds(calls))
-    for name in columns[0]:
-        rows.append(f"  {name:34s}" + "".join(f"{1e3 * column[name]:16.2f}" for column in columns))
-    return "\n".join([*rows, *(f"  {name:34s}  not installed" for name in missing)]) + "\n"
+        for backend, name, start in (("numpy", _OURS, None), ("numpy", _WARM, last), ("poselib", _BACKEND, None)):
+            if name in calls:
+                settings = EstimationParameters(noise_image=0.0, noise_scene=experiment.noise, backend=backend)
+                estimator = PoseEstimator(known, settings)
+                calls[name] = lambda each=estimator, start=start: each.estimate(seen, start, (0.1, 0.1))
+        for name, seconds in _least_seconds(calls).items():
+            total[name] += seconds / len(poses)
+    return total
 
 
 def _least_seconds(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
@@ -109,11 +117,6 @@ def _least_seconds(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
             call()
             least[name] = min(least[name], time.process_time() - start)
     return least
-
-
-def _short(experiment: Experiment) -> str:
-    number, place = experiment.name.split(": ")
-    return number if "Ex." in number else f"{number} {'L_M' if 'L_M' in place else 'away'}"
 
 
 def _run(experiment: Experiment, candidates: dict[str, Candidate], samples: int, seeds: int) -> dict[str, _Record]:
@@ -135,14 +138,14 @@ def _run(experiment: Experiment, candidates: dict[str, Candidate], samples: int,
 def _candidates() -> tuple[dict[str, Candidate], list[str]]:
     """Return what can be measured here, by name, and the names of what is not installed."""
     poselib, cvxpnpl = _imported("poselib"), _imported("cvxpnpl")
-    found: dict[str, Candidate] = {_OURS: _ours("numpy"), "plsing_ros, first estimate": _first_estimate}
+    found: dict[str, Candidate] = {_OURS: _ours("numpy"), _WARM: _warm(), _FIRST: _first_estimate}
     missing = []
     if poselib is None:
-        missing += [_BACKEND, "PoseLib pnpl"]
+        missing += [_BACKEND, "PoseLib pnpl", _REFERENCE]
     else:
         found[_BACKEND] = _ours("poselib")
         found["PoseLib pnpl"] = _poselib(poselib, {})
-        found["PoseLib pnpl, 20 to 100 iterations"] = _poselib(poselib, {"min_iterations": 20, "max_iterations": 100})
+        found[_REFERENCE] = _poselib(poselib, {"min_iterations": 20, "max_iterations": 100})
     if cvxpnpl is None:
         missing += ["cvxpnpl", "cvxpnpl, then our refinement"]
     else:
@@ -162,6 +165,20 @@ def _ours(backend: str) -> Candidate:
     def estimate(known: LineSet, seen: LineObservation, noise: float) -> Answer:
         settings = EstimationParameters(noise_image=0.0, noise_scene=noise, backend=backend)
         found = PoseEstimator(known, settings).estimate(seen)
+        center = None if found.T_world_camera is None else found.T_world_camera.translation
+        return center, found.verdict is Verdict.OK
+
+    return estimate
+
+
+def _warm() -> Candidate:
+    last: list[Pose | None] = [None]
+
+    def estimate(known: LineSet, seen: LineObservation, noise: float) -> Answer:
+        settings = EstimationParameters(noise_image=0.0, noise_scene=noise)
+        found = PoseEstimator(known, settings).estimate(seen, last[0])
+        if found.verdict in (Verdict.OK, Verdict.POOR):
+            last[0] = found.T_world_camera
         center = None if found.T_world_camera is None else found.T_world_camera.translation
         return center, found.verdict is Verdict.OK
 

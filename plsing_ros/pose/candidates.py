@@ -61,10 +61,8 @@ class SceneTriplets:
             rotation = rotation[valid]
             t = translations(normals, rotation, self._point)
         else:
-            t = np.array([translations(normals[i], rotation[j], self._point[i]) for j, i in enumerate(self.rows)])[
-                valid
-            ]
-            rotation = rotation[valid]
+            own = [translations(normals[i], rotation[j], self._point[i]) for j, i in enumerate(self.rows)]
+            rotation, t = rotation[valid], np.array(own)[valid]
         return rotation, t - rotation @ self.center
 
     def _rotations(self, normals: Array) -> tuple[Array, BoolArray]:

@@ -120,7 +120,7 @@ class PoseEstimator:
         pose = Pose(best.rotation.T, best.center)
         others: list[Hypothesis] = []
         for each in found:
-            if each.plausibility(best) < settings.least_plausibility:
+            if each is best or each.plausibility(best) < settings.least_plausibility:
                 continue
             if not any(_same(each, other) for other in (best, *others)) and self._differs(best, each, spread):
                 others.append(each)
