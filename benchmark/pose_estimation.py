@@ -33,7 +33,7 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters
 from plsing_ros.pose import PoseEstimator, Verdict
 from plsing_ros.pose.refinement import refine
-from plsing_ros.pose.residuals import ImageResiduals, LineNoise
+from plsing_ros.pose.residuals import ImageResiduals, LineNoise, residual_settings
 
 SAMPLES, SEEDS = 101, 1
 _PLACES, _ROUNDS = 5, 30
@@ -223,7 +223,9 @@ def _cvxpnpl(cvxpnpl: ModuleType, refined: bool) -> Candidate:
             return None, False
         rotation = np.array([each[0] for each in poses])
         translation = np.array([each[1].ravel() for each in poses])
-        image = ImageResiduals(known.direction, known.moment, seen.image_lines, LineNoise(0.0, noise))
+        image = ImageResiduals(
+            np.hstack([known.direction, known.moment]), seen.image_lines, residual_settings(LineNoise(0.0, noise))
+        )
         if refined:
             better = refine(image, rotation, translation, 40)
             rotation, translation = better.rotation, better.translation

@@ -84,8 +84,8 @@ def triplet_rotations(
     normals: Array,
     sampling: Array,
     rotation: Array,
-    valid: Array,
+    triplet: Array,
     degenerate: Array,
     /,
-) -> None: ...
+) -> int: ...
 def translations(rotation: Array, normals: Array, points: Array, t: Array, /) -> None: ...

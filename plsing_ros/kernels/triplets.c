@@ -48,14 +48,14 @@ static void solve_for_alpha(double equations[2][3][3], double cosine, double sin
     solution[2] = at[0][0] * at[1][1] - at[0][1] * at[1][0];
 }
 
-/* Fill the rotations (8, 3, 3) of one triplet and which of them are solutions; return whether there is a continuum. */
+/* Fill the rotations (3, 3) of one triplet and return how many there are; -1 for a continuum. */
 static int rotations_of(const double *frame, const double *others, const double *normals, const double *samples,
-                        double *rotation, double *valid)
+                        double *rotation)
 {
     double image_frame[9], equations[2][3][3], size = 1.0, q[SAMPLES], most = 0.0, coefficients[SAMPLES];
     double companion[DEGREE * DEGREE] = {0.0}, real[DEGREE], imaginary[DEGREE], solution[3];
     const double *cosines = samples, *sines = samples + SAMPLES;
-    int start = 0;
+    int start = 0, found = 0;
     frame_of(normals, image_frame);
     for (int k = 0; k < 2; k++) {
         const double *n = normals + 3 * (k + 1), *u = others + 3 * k;
@@ -75,13 +75,8 @@ static int rotations_of(const double *frame, const double *others, const double 
             start = m;
         }
     }
-    for (int i = 0; i < DEGREE; i++) {
-        memset(rotation + 9 * i, 0, 9 * sizeof *rotation);
-        rotation[9 * i] = rotation[9 * i + 4] = rotation[9 * i + 8] = 1.0;
-        valid[i] = 0.0;
-    }
     if (!(most > DEGENERATE * size))
-        return 1;
+        return -1;
     for (int i = 0; i < SAMPLES; i++) {
         coefficients[i] = 0.0;
         for (int m = 0; m < SAMPLES; m++)
@@ -93,8 +88,8 @@ static int rotations_of(const double *frame, const double *others, const double 
             companion[DEGREE * i + i - 1] = 1.0;
     }
     if (!hessenberg_eigenvalues(companion, DEGREE, real, imaginary))
-        return 1;
-    for (int i = 0; i < DEGREE; i++, rotation += 9) {
+        return 0;
+    for (int i = 0; i < DEGREE; i++) {
         if (imaginary[i] < 0.0)
             continue;
         /* Twice the angle of (1, t), from the sample opposite to the first one. */
@@ -110,10 +105,9 @@ static int rotations_of(const double *frame, const double *others, const double 
         const double middle[9] = {ca, -sa * cosine, sa * sine, sa, ca * cosine, -ca * sine, 0.0, sine, cosine};
         double turned[9];
         multiply(middle, 0, frame, turned);
-        multiply(image_frame, 1, turned, rotation);
-        valid[i] = 1.0;
+        multiply(image_frame, 1, turned, rotation + 9 * found++);
     }
-    return 0;
+    return found;
 }
 
 PyObject *triplet_rotations(PyObject *self, PyObject *const *args, Py_ssize_t count)
@@ -127,12 +121,16 @@ PyObject *triplet_rotations(PyObject *self, PyObject *const *args, Py_ssize_t co
     if (triplets < 0)
         return NULL;
     const double *frame = buffers[0].buf, *others = buffers[1].buf, *normals = buffers[2].buf;
-    double *rotation = buffers[4].buf, *valid = buffers[5].buf, *degenerate = buffers[6].buf;
-    for (Py_ssize_t i = 0; i < triplets; i++)
-        degenerate[i] = rotations_of(frame + 9 * i, others + 6 * i, normals + 9 * i, buffers[3].buf, rotation + 9 * DEGREE * i,
-                                     valid + DEGREE * i);
+    double *rotation = buffers[4].buf, *triplet = buffers[5].buf, *degenerate = buffers[6].buf;
+    long all = 0;
+    for (Py_ssize_t i = 0; i < triplets; i++) {
+        int found = rotations_of(frame + 9 * i, others + 6 * i, normals + 9 * i, buffers[3].buf, rotation + 9 * all);
+        degenerate[i] = found < 0;
+        for (; found > 0; found--)
+            triplet[all++] = (double)i;
+    }
     release_arrays(buffers, 7);
-    Py_RETURN_NONE;
+    return PyLong_FromLong(all);
 }
 
 PyObject *translations(PyObject *self, PyObject *const *args, Py_ssize_t count)

@@ -45,9 +45,9 @@ _IDENTITY = np.eye(3)
 
 
 def triplet_rotations(
-    frame: Array, others: Array, normals: Array, sampling: Array, rotation: Array, valid: Array, degenerate: Array
-) -> None:
-    """Fill all rotations R_camera_world with n_i . (R u_i) = 0 for three lines, for each of T triplets.
+    frame: Array, others: Array, normals: Array, sampling: Array, rotation: Array, triplet: Array, degenerate: Array
+) -> int:
+    """Find all rotations R_camera_world with n_i . (R u_i) = 0 for three lines, of T triplets; return how many.
 
     With the first normal n_1 as the z axis and its direction u_1 as the x axis, R = Rz(alpha) Rx(beta). The two
     other equations are linear in (cos alpha, sin alpha, 1), which is therefore the cross product of their
@@ -60,10 +60,11 @@ def triplet_rotations(
         others: The other two directions in that frame, shape (T, 2, 3).
         normals: Unit normals of the lines' interpretation planes in the camera frame, shape (T, 3, 3).
         sampling: SAMPLING.
-        rotation: Filled, shape (T, 8, 3, 3); always rotations.
-        valid: Filled, 1 for solutions, else 0, shape (T, 8). A pair of complex solutions counts as one, its nearest
-            real rotation, as noise turns the two solutions near a singularity of the triplet into such a pair.
-        degenerate: Filled, 1 where the polynomial vanishes, else 0, shape (T,).
+        rotation: Filled from the first on, one triplet after the other, shape (8 T, 3, 3); always rotations. A pair of
+            complex solutions counts as one, its nearest real rotation, as noise turns the two solutions near a
+            singularity of the triplet into such a pair.
+        triplet: Filled alike, the triplet of each, shape (8 T,).
+        degenerate: Filled, 1 where the polynomial vanishes and any rotation about an axis would do, else 0, shape (T,).
 
     Source: the eight solutions are those of Chen 1991 and of Xu, Zhang, Cheng, Koch 2017; the sampling is new
     (docs/pose.md).
@@ -94,9 +95,9 @@ def triplet_rotations(
     middle[..., 0, 0], middle[..., 1, 0] = cosine, sine
     middle[..., 0, 1], middle[..., 1, 1], middle[..., 2, 1] = -sine * basis[:, 1], cosine * basis[:, 1], basis[:, 2]
     middle[..., 0, 2], middle[..., 1, 2], middle[..., 2, 2] = sine * basis[:, 2], -cosine * basis[:, 2], basis[:, 1]
-    rotation[:] = image_frame.transpose(0, 2, 1)[:, np.newaxis] @ middle @ frame[:, np.newaxis]
-    rotation[~good] = _IDENTITY
-    valid[:], degenerate[:] = good, none
+    found = (image_frame.transpose(0, 2, 1)[:, np.newaxis] @ middle @ frame[:, np.newaxis])[good]
+    rotation[: len(found)], triplet[: len(found)], degenerate[:] = found, np.nonzero(good)[0], none
+    return len(found)
 
 
 def translations(rotation: Array, normals: Array, points: Array, t: Array) -> None:

@@ -7,7 +7,7 @@
 #define UNDETERMINED 1e-13
 #define PROBE 2.0
 #define LARGEST 1e6
-#define FIGURES 4
+#define FIGURES 5
 
 /* Fill the singular values and the right singular vectors of a matrix; return whether they are finite. */
 static int decomposed(const double *matrix, Py_ssize_t m, int k, double *values, double *right)
@@ -29,10 +29,10 @@ static double largest_variance(const double *covariance, int first)
 
 /* The largest relative difference of the misfit from a quadratic at poses along the two weakest motions, both ways. */
 static double nonlinearity(const struct image *image, const double *rotation, const double *translation,
-                           const double *weight, const double *deviation, const double *axes)
+                           const double *weight, double here, const double *deviation, const double *axes)
 {
     Py_ssize_t n = image->count;
-    double worst = 0.0, here = misfit(image->room, image->room, weight, n);
+    double worst = 0.0;
     for (int probe = 0; probe < 4; probe++) {
         double motion[6], new_rotation[9], new_translation[3];
         for (int j = 0; j < 6; j++) {
@@ -93,7 +93,8 @@ static int uncertainty(const struct image *image, const double *rotation, const 
         }
     figures[0] = sqrt(largest_variance(covariance, 0));
     figures[1] = sqrt(largest_variance(covariance, 3));
-    figures[2] = nonlinearity(image, rotation, translation, weight, deviation, axes);
+    figures[4] = misfit(image->room, image->room, weight, n);
+    figures[2] = nonlinearity(image, rotation, translation, weight, figures[4], deviation, axes);
     return 1;
 }
 

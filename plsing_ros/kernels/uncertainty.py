@@ -39,9 +39,10 @@ def pose_uncertainty(
         deviation: Filled, standard deviations along the axes, largest first, shape (6,).
         axes: Filled, unit twists (v, omega) of the camera in its frame, as rows, shape (6, 6).
         covariance: Filled, as in geometry_msgs/PoseWithCovariance, shape (6, 6).
-        figures: Filled, shape (4,): standard deviations of position [m] and orientation [rad] in their worst
+        figures: Filled, shape (5,): standard deviations of position [m] and orientation [rad] in their worst
             directions; largest relative difference of the misfit from a quadratic two standard deviations away, both
-            ways along the two weakest axes, at most 1e6; inverse condition number of the interaction matrix.
+            ways along the two weakest axes, at most 1e6; inverse condition number of the interaction matrix; sum of
+            squared residuals.
 
     Source: first-order propagation, docs/pose.md.
     """
@@ -65,13 +66,14 @@ def pose_uncertainty(
     covariance[:] = 0.5 * (covariance + covariance.T)
     blocks = np.stack([covariance[:3, :3], covariance[3:, 3:]])
     figures[:2] = np.sqrt(np.linalg.eigvalsh(blocks)[:, -1])
-    figures[2], figures[3] = _LARGEST, raw_size[-1] / raw_size[0]
+    squared = squared_misfit(here[:, 2:4], weight[np.newaxis])
+    figures[2:] = _LARGEST, raw_size[-1] / raw_size[0], squared[0]
     probes = _PROBE * (deviation[:2, np.newaxis] * axes[:2])
     if np.abs(probes[:, 3:]).max() <= 1.0:
         there = np.empty((4, 15, n))
         moved = moved_poses(np.concatenate([probes, -probes]), rotation, translation)
         image_residuals(lines, image_lines, settings, *moved, there)
         squares = squared_misfit(whitened(there[:, :2], here[:, 4:7]), np.broadcast_to(weight, (4, n)))
-        change = (squares - squared_misfit(here[:, 2:4], weight[np.newaxis])) / _PROBE**2
+        change = (squares - squared) / _PROBE**2
         figures[2] = min(np.abs(change - 1.0).max(), _LARGEST)
     return True

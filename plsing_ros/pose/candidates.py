@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, BoolArray, cross
+from plsing_ros.arrays import Array, cross
 from plsing_ros.errors import ParameterError
 from plsing_ros.geometry import LineSet
 from plsing_ros.pose.minimal_solver import TripletDirections, rotations_from_triplets, translations
@@ -38,7 +38,7 @@ class SceneTriplets:
         self.center: Array = lines.point.mean(axis=0)
         self._point: Array = lines.point - self.center
         self._prepared = TripletDirections.of(lines.direction, chosen_triplets(lines.direction, most))
-        self._solve: Callable[[Array], tuple[Array, BoolArray]] = self._rotations
+        self._solve: Callable[[Array], tuple[Array, Array]] = self._rotations
         if backend == "poselib":
             self._p3ll = _poselib_solver()
             self._solve = self._poselib_rotations
@@ -56,28 +56,30 @@ class SceneTriplets:
             all_lines: Whether the translation is the one that fits all lines best, or that of the triplet.
         """
         normals = image_lines / np.sqrt(np.einsum("ij,ij->i", image_lines, image_lines))[:, np.newaxis]
-        rotation, valid = self._solve(normals)
+        rotation, triplet = self._solve(normals)
         if all_lines:
-            rotation = rotation[valid]
             t = translations(normals, rotation, self._point)
         else:
-            own = [translations(normals[i], rotation[j], self._point[i]) for j, i in enumerate(self.rows)]
-            rotation, t = rotation[valid], np.array(own)[valid]
+            of_triplets = (
+                translations(normals[rows], rotation[triplet == i], self._point[rows])
+                for i, rows in enumerate(self.rows)
+            )
+            t = np.concatenate(list(of_triplets))
         return rotation, t - rotation @ self.center
 
-    def _rotations(self, normals: Array) -> tuple[Array, BoolArray]:
+    def _rotations(self, normals: Array) -> tuple[Array, Array]:
         found = rotations_from_triplets(normals, self._prepared)
-        return found.rotation, found.valid
+        return found.rotation, found.triplet
 
-    def _poselib_rotations(self, normals: Array) -> tuple[Array, BoolArray]:
-        rotation, valid = np.tile(np.eye(3), (len(self.rows), 8, 1, 1)), np.zeros((len(self.rows), 8), dtype=bool)
+    def _poselib_rotations(self, normals: Array) -> tuple[Array, Array]:
+        rotation, triplet = [], []
         for i, rows in enumerate(self.rows):
-            poses = self._p3ll(normals[rows], self._point[rows], self.lines.direction[rows])
-            for j, pose in enumerate(poses[:8]):
+            for pose in self._p3ll(normals[rows], self._point[rows], self.lines.direction[rows]):
                 # Degenerate triplets give poses that are not numbers.
                 if np.isfinite(pose.R).all() and np.abs(pose.R @ pose.R.T - np.eye(3)).max() < _ROTATION:
-                    rotation[i, j], valid[i, j] = pose.R, True
-        return rotation, valid
+                    rotation.append(pose.R)
+                    triplet.append(i)
+        return np.array(rotation).reshape(-1, 3, 3), np.array(triplet)
 
 
 def chosen_triplets(directions: Array, most: int) -> npt.NDArray[np.intp]:

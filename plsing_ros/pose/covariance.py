@@ -23,6 +23,7 @@ class Uncertainty:
         rotation_deviation: Standard deviation of the orientation about its worst axis [rad].
         nonlinearity: See PoseEstimate.
         inverse_condition_number: Of the interaction matrix of the lines, raw.
+        squared_residual: Sum of squared residuals at the pose, in standard deviations.
     """
 
     deviation: Array
@@ -32,6 +33,7 @@ class Uncertainty:
     rotation_deviation: float
     nonlinearity: float
     inverse_condition_number: float
+    squared_residual: float
 
 
 def uncertainty(image: ImageResiduals, rotation: Array, translation: Array, weight: Array) -> Uncertainty | None:
@@ -45,7 +47,7 @@ def uncertainty(image: ImageResiduals, rotation: Array, translation: Array, weig
 
     Source: first-order propagation, docs/pose.md.
     """
-    deviation, axes, covariance, figures = np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(4)
+    deviation, axes, covariance, figures = np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(5)
     if not kernels.pose_uncertainty(*image.known, rotation, translation, weight, deviation, axes, covariance, figures):
         return None
     return Uncertainty(deviation, axes, covariance, *figures.tolist())

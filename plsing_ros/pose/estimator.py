@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from itertools import compress
+
 import numpy as np
 
 from plsing_ros.arrays import Array
@@ -13,7 +16,7 @@ from plsing_ros.parameters.pose_estimator import EstimationParameters
 from plsing_ros.pose.covariance import Uncertainty, uncertainty
 from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate
 from plsing_ros.pose.hypotheses import Costs, Hypothesis, all_lines_hypotheses, outlier_hypotheses
-from plsing_ros.pose.residuals import ImageResiduals, LineNoise
+from plsing_ros.pose.residuals import ImageResiduals, LineNoise, residual_settings
 from plsing_ros.pose.seen_scene import SeenScene
 from plsing_ros.pose.verdict import judge
 
@@ -40,7 +43,8 @@ class PoseEstimator:
         self.settings = settings if settings is not None else EstimationParameters()
         self._row_of = {i: row for row, i in enumerate(lines.ids)}
         self._scenes: dict[tuple[int, ...], SeenScene] = {}
-        self._noise = LineNoise(self.settings.noise_image, self.settings.noise_scene, self.settings.noise_camera)
+        noise = LineNoise(self.settings.noise_image, self.settings.noise_scene, self.settings.noise_camera)
+        self._residual_settings = residual_settings(noise, self.settings.largest_angle)
         self._costs = Costs(self.settings.outlier_gate**2, self.settings.reversal_cost)
         if len(lines) >= 3:
             self._scene(lines.ids)
@@ -67,9 +71,7 @@ class PoseEstimator:
         if len(ids) < 3:
             return failed_estimate(f"{len(ids)} usable line(s) in the image; at least 3 are needed for a camera pose")
         scene, image_lines = self._scene(ids), observation.usable_image_lines
-        image = ImageResiduals(
-            scene.lines.direction, scene.lines.moment, image_lines, self._noise, self.settings.largest_angle
-        )
+        image = ImageResiduals(scene.coordinates, image_lines, self._residual_settings)
         everywhere = self._hypotheses(scene, image, image_lines, last)
         if not everywhere:
             return failed_estimate("no pose was found: the lines or their images are degenerate")
@@ -127,14 +129,14 @@ class PoseEstimator:
         alternatives = tuple(
             Alternative(Pose(each.rotation.T, each.center), each.plausibility(best)) for each in others
         )
-        used = np.flatnonzero(best.weight > 0.0)
-        freedom = 2 * len(used) - 6
-        residual = float(np.sqrt(best.squared_residual / freedom)) if freedom > 0 else 0.0
+        used = [weight > 0.0 for weight in best.weight.tolist()]
+        freedom = 2 * sum(used) - 6
+        residual = math.sqrt(spread.squared_residual / freedom) if freedom > 0 else 0.0
         nearest = scene.singular.nearest_locus(pose.translation)
         verdict, reason = judge(spread, residual, alternatives, nearest, settings)
         if verdict is Verdict.FAILED:
             return failed_estimate(reason)
-        ids = scene.lines.ids
+        ids, against = scene.lines.ids, best.residuals.reversed[0].tolist()
         start_rotation, start_translation = best.start
         return PoseEstimate(
             verdict=verdict,
@@ -151,9 +153,9 @@ class PoseEstimator:
             residual=residual,
             nearest=nearest,
             alternatives=alternatives,
-            used_ids=tuple(ids[i] for i in used),
-            outlier_ids=tuple(ids[i] for i in np.flatnonzero(best.weight == 0.0)),
-            reversed_ids=tuple(ids[i] for i in used if best.residuals.reversed[0, i]),
+            used_ids=tuple(compress(ids, used)),
+            outlier_ids=tuple(i for i, use in zip(ids, used, strict=True) if not use),
+            reversed_ids=tuple(i for i, use, turned in zip(ids, used, against, strict=True) if use and turned),
             first_estimate=Pose(start_rotation.T, -start_rotation.T @ start_translation),
         )
 
@@ -173,10 +175,10 @@ class PoseEstimator:
 def _with_last(rotation: Array, translation: Array, last: Pose | None) -> tuple[Array, Array]:
     if last is None:
         return rotation, translation
-    inverse = last.inverse()
+    inverse = last.rotation.T
     return (
-        np.concatenate([rotation, inverse.rotation[np.newaxis]]),
-        np.concatenate([translation, inverse.translation[np.newaxis]]),
+        np.concatenate([rotation, inverse[np.newaxis]]),
+        np.concatenate([translation, -(inverse @ last.translation)[np.newaxis]]),
     )
 
 

@@ -54,11 +54,6 @@ class Hypothesis:
         """Return its likelihood over that of another one, at most 1."""
         return math.exp(-0.5 * max(0.0, self.cost - other.cost))
 
-    @property
-    def squared_residual(self) -> float:
-        """Sum of squared residuals over the lines it rests on."""
-        return float(self.residuals.squared[0] @ self.weight)
-
 
 @dataclass(frozen=True)
 class Costs:
@@ -90,7 +85,7 @@ def all_lines_hypotheses(image: ImageResiduals, rotation: Array, translation: Ar
     found = np.empty((MOST_FOUND, 14))
     count = kernels.search_poses(*image.known, rotation, translation, np.array([costs.outlier, costs.reversal]), found)
     weight = np.ones(image.count)
-    start = found[:count, 13].astype(int)
+    start = [int(i) for i in found[:count, 13].tolist()]
     return [
         Hypothesis(
             image,

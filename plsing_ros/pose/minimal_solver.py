@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -54,20 +55,18 @@ class TripletDirections:
         return cls(rows, frame, u[:, 1:] @ frame.transpose(0, 2, 1), across.max(axis=1) < _DEGENERATE)
 
 
-@dataclass(frozen=True, eq=False)
-class TripletRotations:
-    """Rotations R_camera_world with n_i . (R u_i) = 0 for the three lines of each triplet.
+class TripletRotations(NamedTuple):
+    """Rotations R_camera_world with n_i . (R u_i) = 0 for the three lines of a triplet, of several triplets.
 
     Attributes:
-        rotation: Shape (T, 8, 3, 3); always rotations.
-        valid: Which of them are solutions, shape (T, 8). A pair of complex solutions counts as one, its nearest real
-            rotation, as noise turns the two solutions near a singularity of the triplet into such a pair.
+        rotation: Of one triplet after the other, shape (k, 3, 3); see kernels.triplet_rotations.
+        triplet: Which triplet each belongs to, shape (k,).
         degenerate: Triplets without finitely many solutions, shape (T,).
     """
 
     rotation: Array
-    valid: BoolArray
-    degenerate: BoolArray
+    triplet: Array
+    degenerate: Array
 
 
 def rotations_from_triplets(image_normals: Array, triplets: TripletDirections) -> TripletRotations:
@@ -80,12 +79,11 @@ def rotations_from_triplets(image_normals: Array, triplets: TripletDirections) -
     Source: kernels.triplet_rotations.
     """
     count = len(triplets.rows)
-    rotation, valid, degenerate = np.empty((count, 8, 3, 3)), np.empty((count, 8)), np.empty(count)
-    kernels.triplet_rotations(
-        triplets.frame, triplets.others, image_normals[triplets.rows], SAMPLING, rotation, valid, degenerate
+    rotation, triplet, degenerate = np.empty((8 * count, 3, 3)), np.empty(8 * count), np.empty(count)
+    found = kernels.triplet_rotations(
+        triplets.frame, triplets.others, image_normals[triplets.rows], SAMPLING, rotation, triplet, degenerate
     )
-    valid[triplets.degenerate] = 0.0
-    return TripletRotations(rotation, valid > 0.0, triplets.degenerate | (degenerate > 0.0))
+    return TripletRotations(rotation[:found], triplet[:found], degenerate)
 
 
 def solve_three_lines(image_lines: npt.ArrayLike, lines: LineSet) -> list[Pose]:
@@ -114,14 +112,14 @@ def solve_three_lines(image_lines: npt.ArrayLike, lines: LineSet) -> list[Pose]:
     normals = normals / length
     triplets = TripletDirections.of(lines.direction, np.array([[0, 1, 2]]))
     found = rotations_from_triplets(normals, triplets)
-    if found.degenerate[0]:
+    if triplets.degenerate[0] or found.degenerate[0]:
         raise GeometryError("the directions of the three lines and their images leave a continuum of rotations")
     if abs(np.linalg.det(normals)) < _DEGENERATE:
         raise GeometryError(
             "the three image lines meet in one point: the lines are concurrent, or the camera is on a line that meets "
             "them all, and the translation towards it is not determined"
         )
-    rotation = _polished(found.rotation[found.valid], normals, lines.direction)
+    rotation = _polished(found.rotation, normals, lines.direction)
     center = lines.point.mean(axis=0)
     point = lines.point - center
     residual = np.abs(np.einsum("ij,kij->ki", normals, lines.direction @ rotation.transpose(0, 2, 1))).max(axis=1)

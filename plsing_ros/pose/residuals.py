@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,6 +27,16 @@ class LineNoise:
     image: float
     scene: float = 0.0
     camera: float = 0.0
+
+
+def residual_settings(noise: LineNoise, largest_angle: float = math.pi / 2) -> Array:
+    """Return what residuals depend on besides lines, shape (4,).
+
+    Args:
+        noise: Of images and lines.
+        largest_angle: Half of the field of view [rad], up to pi/2.
+    """
+    return np.array([noise.image, noise.scene, noise.camera, math.cos(largest_angle)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,25 +106,17 @@ class ImageResiduals:
     """The residuals of one image as a function of the pose.
 
     Args:
-        direction: Unit directions of the lines in the world, shape (n, 3).
-        moment: Moments about the world's origin, shape (n, 3) [m].
+        lines: Unit directions and moments [m] of the lines in the world, shape (n, 6).
         image_lines: Observed l', shape (n, 3).
-        noise: Of what.
-        largest_angle: Half of the field of view [rad], up to pi/2.
+        settings: Of residual_settings.
 
     Attributes:
-        known: What the kernels ask for: lines (n, 6), image lines (n, 3), noise and field of view (4,).
+        known: All of these, as the kernels ask for them.
     """
 
-    def __init__(
-        self, direction: Array, moment: Array, image_lines: Array, noise: LineNoise, largest_angle: float = np.pi / 2
-    ) -> None:
-        self.count = len(direction)
-        self.known: tuple[Array, Array, Array] = (
-            np.concatenate([direction, moment], axis=1),
-            np.ascontiguousarray(image_lines),
-            np.array([noise.image, noise.scene, noise.camera, np.cos(largest_angle)]),
-        )
+    def __init__(self, lines: Array, image_lines: Array, settings: Array) -> None:
+        self.count = len(lines)
+        self.known: tuple[Array, Array, Array] = (lines, image_lines, settings)
 
     def at(self, rotation: Array, translation: Array) -> Residuals:
         """Return the residuals of poses T_camera_world.

@@ -19,7 +19,7 @@ _FEW = 10
 
 
 class SeenScene:
-    """At least three lines in the world frame, prepared for estimates.
+    """At least three lines in the world frame, prepared for estimates; `coordinates` are directions and moments (n, 6).
 
     Args:
         lines: The lines.
@@ -32,6 +32,7 @@ class SeenScene:
     def __init__(self, lines: LineSet, settings: EstimationParameters) -> None:
         self.lines = lines
         self._settings = settings
+        self.coordinates: Array = np.hstack([lines.direction, lines.moment])
         self.triplets = SceneTriplets(lines, min(_FEW, settings.most_triplets), settings.backend)
         offset = lines.point - self.triplets.center
         self._furthest = _FURTHEST * max(1.0, float(np.abs(offset).max()))
@@ -48,4 +49,5 @@ class SeenScene:
 
     def near(self, center: Array) -> bool:
         """Whether a camera centre (3,) in the world is where a camera could see the lines."""
-        return bool(np.abs(center - self.triplets.center).max() <= self._furthest)
+        x, y, z = (center - self.triplets.center).tolist()
+        return bool(max(abs(x), abs(y), abs(z)) <= self._furthest)

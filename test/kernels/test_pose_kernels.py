@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from strategies import twists
 
 from plsing_ros import kernels
-from plsing_ros.features import project_lines
+from plsing_ros.features import interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.kernels import compiled, of_numpy
 from plsing_ros.kernels.search import MOST_FOUND
@@ -45,7 +45,7 @@ def tabled(the, scene, *poses):
 
 def uncertain(the, scene, pose, weight):
     rotation, translation = arrays(pose)
-    deviation, axes, covariance, figures = np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(4)
+    deviation, axes, covariance, figures = np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(5)
     good = the.pose_uncertainty(*scene, rotation[0], translation[0], weight, deviation, axes, covariance, figures)
     return good, deviation, axes, covariance, figures
 
@@ -53,11 +53,12 @@ def uncertain(the, scene, pose, weight):
 def solutions(the, lines, image):
     normals = image / np.linalg.norm(image, axis=1, keepdims=True)
     triplets = TripletDirections.of(lines.direction, np.array([[0, 1, 2]]))
-    rotation, valid, degenerate = np.empty((1, 8, 3, 3)), np.empty((1, 8)), np.empty(1)
-    the.triplet_rotations(
-        triplets.frame, triplets.others, normals[triplets.rows], SAMPLING, rotation, valid, degenerate
+    rotation, triplet, degenerate = np.empty((8, 3, 3)), np.empty(8), np.empty(1)
+    count = the.triplet_rotations(
+        triplets.frame, triplets.others, normals[triplets.rows], SAMPLING, rotation, triplet, degenerate
     )
-    return rotation[0], valid[0] > 0.0, bool(degenerate[0])
+    assert (triplet[:count] == 0.0).all()
+    return rotation[:count], bool(degenerate[0])
 
 
 @BOTH
@@ -97,40 +98,63 @@ def test_both_tables_are_the_same(view, twist):
 @given(view=views(3, 3))
 def test_the_rotation_is_among_those_of_three_lines(the, view):
     lines, pose = view
-    rotation, valid, degenerate = solutions(the, lines, image_of(lines, pose).image_lines)
+    rotation, degenerate = solutions(the, lines, image_of(lines, pose).image_lines)
     assert not degenerate
     np.testing.assert_allclose(
-        rotation @ rotation.transpose(0, 2, 1), np.broadcast_to(np.eye(3), (8, 3, 3)), atol=1e-12
+        rotation @ rotation.transpose(0, 2, 1), np.broadcast_to(np.eye(3), rotation.shape), atol=1e-12
     )
     # Near a double solution, the root of rounding is left.
-    assert np.abs(rotation[valid] - pose.rotation.T).max(axis=(1, 2)).min() < 1e-5
+    assert np.abs(rotation - pose.rotation.T).max(axis=(1, 2)).min() < 1e-5
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_both_find_the_same_rotations(seed):
     lines, pose = random_view(np.random.default_rng(seed), 3)
     image = image_of(lines, pose).image_lines
-    (ours, valid, _), (theirs, also_valid, _) = (solutions(the, lines, image) for the in (compiled, of_numpy))
-    assert valid.sum() == also_valid.sum()
-    for each in ours[valid]:
-        assert np.abs(theirs[also_valid] - each).max(axis=(1, 2)).min() < 1e-6
+    (ours, _), (theirs, _) = (solutions(the, lines, image) for the in (compiled, of_numpy))
+    assert len(ours) == len(theirs)
+    for each in ours:
+        assert np.abs(theirs - each).max(axis=(1, 2)).min() < 1e-6
 
 
 @BOTH
-def test_concurrent_lines_have_eight_double_roots_and_no_solution(the):
+def test_rotations_of_many_triplets_are_those_of_each(the):
+    lines, pose = random_view(np.random.default_rng(2), 5)
+    image = image_of(lines, pose).image_lines
+    rows = np.array([[0, 1, 2], [1, 2, 4], [0, 3, 4]])
+    triplets = TripletDirections.of(lines.direction, rows)
+    normals = image / np.linalg.norm(image, axis=1, keepdims=True)
+    rotation, triplet, degenerate = np.empty((24, 3, 3)), np.empty(24), np.empty(3)
+    count = the.triplet_rotations(
+        triplets.frame, triplets.others, normals[triplets.rows], SAMPLING, rotation, triplet, degenerate
+    )
+    expected = [solutions(the, lines.select(list(row)), image[row])[0] for row in rows]
+    np.testing.assert_array_equal(triplet[:count], np.repeat([0.0, 1.0, 2.0], [len(each) for each in expected]))
+    np.testing.assert_allclose(rotation[:count], np.concatenate(expected), atol=1e-12)
+
+
+@BOTH
+def test_concurrent_lines_have_double_roots_and_no_solution(the):
     lines = LineSet.from_points_directions([[1, 1, 1]] * 3, [[1, 0, 0], [0, 1, 0], [0, 0.6, 0.8]])
     pose = Pose.looking_at((4.0, -3.0, 2.0), (0.1, 0.2, -0.1))
-    _, valid, degenerate = solutions(the, lines, image_of(lines, pose).image_lines)
+    rotation, degenerate = solutions(the, lines, image_of(lines, pose).image_lines)
     assert not degenerate
-    assert not valid.any()
+    assert len(rotation) == 0
 
 
 @BOTH
 def test_planes_that_coincide_leave_a_continuum(the):
     lines = LineSet.from_points_directions([[0, 0, 0], [2, 0, 0], [0, 1, 0]], [[1, 0.2, 0], [0.1, 1, 0], [1, -1, 0]])
-    _, valid, degenerate = solutions(the, lines, np.array([[0.0, 1.0, 0.0]] * 3))
+    rotation, degenerate = solutions(the, lines, np.array([[0.0, 1.0, 0.0]] * 3))
     assert degenerate
-    assert not valid.any()
+    assert len(rotation) == 0
+
+
+@BOTH
+def test_three_parallel_lines_have_no_rotation(the):
+    lines = LineSet.from_points_directions([[0, 0, 0], [1, 2, 0], [0, 1, 1]], [[0, 0, 1]] * 3)
+    pose = Pose.looking_at((4.0, -3.0, 2.0), (0.1, 0.2, -0.1))
+    assert len(solutions(the, lines, image_of(lines, pose).image_lines)[0]) == 0
 
 
 @BOTH
@@ -217,7 +241,8 @@ def test_the_search_among_none_or_what_is_no_number_finds_none(the):
 @pytest.mark.parametrize("noise", [IMAGE, SCENE, ALL], ids=["image", "scene", "all"])
 def test_the_covariance_is_that_of_central_differences_in_the_world(the, noise):
     lines, pose = random_view(np.random.default_rng(8), 5)
-    scene = known(lines, image_of(lines, pose).image_lines, noise)
+    image = image_of(lines, pose.moved(np.full(6, 1e-5), 1.0)).image_lines
+    scene = known(lines, image, noise)
     weight = np.array([1.0, 1.0, 0.0, 1.0, 1.0])
     good, deviation, axes, covariance, figures = uncertain(the, scene, pose, weight)
     assert good
@@ -237,6 +262,10 @@ def test_the_covariance_is_that_of_central_differences_in_the_world(the, noise):
     np.testing.assert_allclose(axes @ axes.T, np.eye(6), atol=1e-12)
     assert (np.diff(deviation) <= 0.0).all()
     assert deviation[0] ** 2 == pytest.approx(np.linalg.eigvalsh(covariance)[-1])
+    matrix = interaction_matrix(lines.select([0, 1, 3, 4]).transformed(pose.inverse(), "camera"))
+    size = np.linalg.svd(matrix, compute_uv=False)
+    assert figures[3] == pytest.approx(size[-1] / size[0])
+    assert figures[4] == pytest.approx(((tabled(of_numpy, scene, pose)[0, 2:4] ** 2) @ weight).sum())
 
 
 @BOTH
@@ -312,7 +341,7 @@ SCENE_ARRAYS = np.ones((4, 6)), np.ones((4, 3)), np.ones(4)
         ("translations", (np.ones((2, 9)), np.ones((0, 3)), np.ones((0, 3)), np.ones((2, 3)))),
         (
             "pose_uncertainty",
-            (*SCENE_ARRAYS, np.eye(3), np.ones(3), np.ones(4), np.ones(6), np.ones(36), np.ones(35), np.ones(4)),
+            (*SCENE_ARRAYS, np.eye(3), np.ones(3), np.ones(4), np.ones(6), np.ones(36), np.ones(35), np.ones(5)),
         ),
         (
             "triplet_rotations",

@@ -6,14 +6,18 @@ from strategies import twists
 
 from plsing_ros.features import interaction_matrix
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.pose.residuals import ImageResiduals, LineNoise
+from plsing_ros.pose.residuals import ImageResiduals, LineNoise, residual_settings
 
 NOISES = [LineNoise(1e-3), LineNoise(0.0, 1e-3), LineNoise(2e-3, 1e-3, 3e-3)]
 
 
+def image_residuals(lines, image, noise, *angle):
+    return ImageResiduals(np.hstack([lines.direction, lines.moment]), image, residual_settings(noise, *angle))
+
+
 def residuals_of(lines, image, noise, *poses):
     seen = [pose.inverse() for pose in poses]
-    return ImageResiduals(lines.direction, lines.moment, image, noise).at(
+    return image_residuals(lines, image, noise).at(
         np.array([each.rotation for each in seen]), np.array([each.translation for each in seen])
     )
 
@@ -88,7 +92,7 @@ def test_visible_is_what_sampling_the_lines_says(view):
     cosine = (points[..., 2] / np.linalg.norm(points, axis=2)).max(axis=1)
     inverse = pose.inverse()
     image = image_of(lines, pose).image_lines
-    model = ImageResiduals(lines.direction, lines.moment, image, NOISES[0], largest)
+    model = image_residuals(lines, image, NOISES[0], largest)
     hidden = model.at(inverse.rotation[np.newaxis], inverse.translation[np.newaxis]).hidden[0]
     # Image lines that miss the field of view altogether are none that a tracker reports.
     reported = np.abs(image[:, 2]) / np.hypot(1.0, image[:, 2]) < np.sin(largest) - 1e-3
