@@ -21,7 +21,7 @@ def checked_array(
     Args:
         name: What the value is, for the message.
         value: Anything numpy turns into floats.
-        shape: Expected shape; None allows any length along that axis.
+        shape: Expected shape; None as the first length allows any.
         error: Raised on a mismatch.
 
     Raises:
@@ -43,9 +43,7 @@ def shaped_array(
     except (TypeError, ValueError) as problem:
         raise error(f"{name} is not an array of numbers: {problem}") from None
     have = array.shape
-    if have != shape and (
-        len(have) != len(shape) or any(want not in (None, size) for size, want in zip(have, shape, strict=True))
-    ):
+    if have != shape and (shape[0] is not None or not have or have[1:] != shape[1:]):
         expected = "(" + ", ".join("n" if want is None else str(want) for want in shape) + ")"
         raise error(f"{name} has shape {have}, expected {expected}")
     array.setflags(write=False)

@@ -107,7 +107,10 @@ class LineSet:
         """
         rotation, translation = T_target_source.rotation, T_target_source.translation
         direction = self.direction @ rotation.T
-        moment = self.moment @ rotation.T + cross(translation, direction)
+        x, y, z = translation.tolist()
+        # direction @ this is translation cross direction.
+        across = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+        moment = self.moment @ rotation.T + direction @ across
         return LineSet(direction, moment, frame, self.ids)
 
     def select(self, rows: Sequence[int] | npt.NDArray[np.intp]) -> LineSet:

@@ -111,13 +111,14 @@ class Pose:
         Source: the exponential of se(3); tested against scipy.linalg.expm.
         """
         velocity = checked_array("twist", twist, (6,))
-        with np.errstate(over="ignore"):
-            step = velocity * duration
-        if not np.abs(step).max() <= _LONGEST_STEP:
+        # Plain numbers may overflow without a warning.
+        longest = max(abs(each * duration) for each in velocity.tolist())
+        if not longest <= _LONGEST_STEP:
             raise GeometryError(
-                f"twist {velocity.tolist()} over {duration:g} s is a step of {np.abs(step).max():.3g} m or rad; "
+                f"twist {velocity.tolist()} over {duration:g} s is a step of {longest:.3g} m or rad; "
                 f"allowed are {_LONGEST_STEP:g}"
             )
+        step = velocity * duration
         turn, mean_turn = exponential(step[3:])
         # Renormalised through the quaternion, so that millions of steps do not drift off SO(3).
         rotation = rotation_from_quaternion(quaternion_from_rotation(self.rotation @ turn))

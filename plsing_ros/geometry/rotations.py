@@ -65,9 +65,17 @@ def exponential(vector: Array) -> tuple[Array, Array]:
     else:
         first = math.sin(angle) / angle
         second, third = (1.0 - math.cos(angle)) / angle**2, (angle - math.sin(angle)) / angle**3
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    square_of_skew = skew @ skew
-    return _IDENTITY + first * skew + second * square_of_skew, _IDENTITY + second * skew + third * square_of_skew
+    # [x y z]x and its square, entry by entry.
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
 
+    def combined(of_skew: float, of_square: float) -> Array:
+        a, b, c, square = of_skew * x, of_skew * y, of_skew * z, of_square
+        return np.array(
+            [
+                [1.0 - square * (yy + zz), square * xy - c, square * xz + b],
+                [square * xy + c, 1.0 - square * (xx + zz), square * yz - a],
+                [square * xz - b, square * yz + a, 1.0 - square * (xx + yy)],
+            ]
+        )
 
-_IDENTITY = np.eye(3)
+    return combined(first, second), combined(second, third)

@@ -95,10 +95,11 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
             self._publish_frame()
 
     def _publish_frame(self) -> None:
-        frame = self._simulation.frame()
         if self._clock_topic is not None:
-            fill_stamp(self._clock_message.clock, frame.stamp)
+            # First, so that others have taken the time when the features come.
+            fill_stamp(self._clock_message.clock, self._simulation.stamp)
             self._clock_topic.publish(self._clock_message)
+        frame = self._simulation.frame()
         fill_stamp(self._in_scene.stamp, frame.stamp)
         if self._pose.get_subscription_count():
             fill_pose(self._pose_message.pose.pose, frame.T_world_camera)
