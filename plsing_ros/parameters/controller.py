@@ -10,12 +10,13 @@ from plsing_ros.geometry import Pose
 from plsing_ros.parameters.law import LawParameters
 from plsing_ros.parameters.parameter_set import parameter
 from plsing_ros.parameters.scene import pose_from_parameters
+from plsing_ros.parameters.task import AnswerParameters
 
 _TRUST = ("halt", "slow", "ignore")
 
 
 @dataclass(frozen=True)
-class ControllerParameters(LawParameters):
+class ControllerParameters(LawParameters, AnswerParameters):
     """Where to go, by which law, and when not to move."""
 
     target_source: str = parameter(
@@ -78,29 +79,12 @@ class ControllerParameters(LawParameters):
         minimum=1e-3,
         maximum=60.0,
     )
-    features_timeout: float = parameter(
-        0.2,
-        "features_timeout",
-        "Features older than this on the node clock are refused, and zero twist is commanded",
-        unit="s",
-        minimum=1e-3,
-        maximum=60.0,
-    )
     zero_twists: int = parameter(
         -1,
         "zero_twists",
         "Zero twists in a row that are published while it must not move, then none until it moves again; -1: no end",
         minimum=-1,
         maximum=1_000_000,
-    )
-    watchdog_period: float = parameter(
-        0.05,
-        "watchdog_period",
-        "How often the age of the features is checked (wall clock)",
-        unit="s",
-        minimum=1e-3,
-        maximum=10.0,
-        live=False,
     )
     tool_frame: str = parameter(
         "",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from plsing_ros.errors import ParameterError
 from plsing_ros.parameters.parameter_set import ParameterSet, parameter
-from plsing_ros.parameters.task import FeatureParameters
+from plsing_ros.parameters.task import AnswerParameters
 
 
 @dataclass(frozen=True)
@@ -136,17 +136,9 @@ class EstimationParameters(ParameterSet):
 
 
 @dataclass(frozen=True)
-class PoseEstimatorParameters(EstimationParameters, FeatureParameters):
+class PoseEstimatorParameters(EstimationParameters, AnswerParameters):
     """The scene, how to estimate in it, and how the node treats time."""
 
-    features_timeout: float = parameter(
-        0.2,
-        "features_timeout",
-        "Features older than this on the node clock are refused",
-        unit="s",
-        minimum=1e-3,
-        maximum=60.0,
-    )
     last_pose_timeout: float = parameter(
         1.0,
         "last_pose_timeout",
@@ -170,15 +162,6 @@ class PoseEstimatorParameters(EstimationParameters, FeatureParameters):
         unit="rad/s",
         minimum=0.0,
         maximum=1e6,
-    )
-    watchdog_period: float = parameter(
-        0.05,
-        "watchdog_period",
-        "How often the age of the features is checked (wall clock)",
-        unit="s",
-        minimum=1e-3,
-        maximum=10.0,
-        live=False,
     )
 
     def check(self) -> None:

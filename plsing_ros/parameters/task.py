@@ -24,6 +24,29 @@ class FeatureParameters(SceneParameters):
 
 
 @dataclass(frozen=True)
+class AnswerParameters(FeatureParameters):
+    """The scene, and how old features may be for those who answer each."""
+
+    features_timeout: float = parameter(
+        0.2,
+        "features_timeout",
+        "Features older than this on the node clock are refused",
+        unit="s",
+        minimum=1e-3,
+        maximum=60.0,
+    )
+    watchdog_period: float = parameter(
+        0.05,
+        "watchdog_period",
+        "How often the age of the features is checked (wall clock)",
+        unit="s",
+        minimum=1e-3,
+        maximum=10.0,
+        live=False,
+    )
+
+
+@dataclass(frozen=True)
 class TaskParameters(FeatureParameters):
     """The scene, how far the clocks may disagree, and the target."""
 
