@@ -106,6 +106,7 @@ def run(
     seed: int = 0,
     last: float = 5.0,
     keep: bool = False,
+    quiet: int = 0,
     progress: Callable[[], object] = lambda: None,
 ) -> Outcome:
     """Run all tasks.
@@ -118,6 +119,7 @@ def run(
         seed: Of the noise; the same for all laws.
         last: Over how long the final errors are averaged [s].
         keep: Whether to keep the traces.
+        quiet: How many steps at the start have no noise.
         progress: Called at each step.
     """
     k, steps = len(batch.t), round(seconds / TIME_STEP)
@@ -148,11 +150,7 @@ def run(
             counted += 1
         u, m = _in_camera(batch, R, t)
         if noise > 0.0:
-            drawn = rng.normal(scale=noise, size=(2, *u.shape))
-            u = u + drawn[0]
-            u /= np.linalg.norm(u, axis=2, keepdims=True)
-            m = m + drawn[1]
-            m -= np.einsum("kni,kni->kn", m, u)[..., np.newaxis] * u
+            u, m = noisy(u, m, rng.normal(scale=noise if step >= quiet else 0.0, size=(2, *u.shape)))
         rows = np.flatnonzero(alive)
         if len(rows) == 0:
             break
@@ -193,6 +191,14 @@ def run(
     result.final_distance = np.sqrt(squares / counted) if counted else final
     result.final_turn = np.sqrt(turn_squares / counted) if counted else final_turn
     return result
+
+
+def noisy(u: np.ndarray, m: np.ndarray, drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return lines, shapes (..., 3), with noise (2, ..., 3) on their coordinates, brought back to lines."""
+    u = u + drawn[0]
+    u /= np.linalg.norm(u, axis=-1, keepdims=True)
+    m = m + drawn[1]
+    return u, m - np.einsum("...i,...i->...", m, u)[..., np.newaxis] * u
 
 
 def _in_camera(batch: Batch, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
