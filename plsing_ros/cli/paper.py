@@ -13,7 +13,7 @@ from tqdm import tqdm
 from plsing_ros.errors import PlsingError
 from plsing_ros.experiments.claims import claims_of
 from plsing_ros.experiments.paper_document import PaperResults, document, runs_agree
-from plsing_ros.experiments.paper_figures import save_figure, save_paper_figures
+from plsing_ros.experiments.paper_figures import save_figure, save_law_figures, save_paper_figures
 from plsing_ros.experiments.paper_maps import save_maps
 from plsing_ros.experiments.paper_scenes import four_lines, three_lines
 from plsing_ros.experiments.paper_tasks import paper_tasks
@@ -84,13 +84,15 @@ def _run(options: argparse.Namespace) -> bool:
     claims = claims_of(plain)
     scene = singular_set(four_lines())
     files = save_paper_figures(plain, {group: singular_set(tasks[group][0].lines) for group in tasks}, figures)
+    by_law = {variant.key: of for variant, of in records.items() if variant.kind == "law"}
     if complete:
         files["map"] = [save_maps(figures, plain)]
         files["pose"] = [save_figure(draw_pose_errors(pose_errors), figures / "pose.png")]
+    law_files = save_law_figures({"plain": plain, **by_law}, figures) if complete else {}
     results = PaperResults(
         plain,
         node_records,
-        {variant.key: of for variant, of in records.items() if variant.kind == "law"},
+        by_law,
         claims,
         {
             "plain": claims,
@@ -98,6 +100,7 @@ def _run(options: argparse.Namespace) -> bool:
         },
         pose_errors,
         files,
+        law_files,
     )
     page = options.docs / "paper.md"
     page.write_text(document(results, options.docs), encoding="utf-8")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +51,7 @@ class PaperResults:
         claims_by_choice: By key of the choice and group; empty if they were left out.
         pose_errors: Of pose_quadrifolium.EXPERIMENTS; empty if they were left out.
         figures: PNG files by group, and under "map" and "pose" those.
+        law_figures: PNG files of runs with all laws, by group.
     """
 
     records: Mapping[str, Sequence[RunRecord]]
@@ -60,6 +61,7 @@ class PaperResults:
     claims_by_choice: Mapping[str, Mapping[str, Sequence[Claim]]]
     pose_errors: Sequence[PoseErrors]
     figures: Mapping[str, Sequence[Path]]
+    law_figures: Mapping[str, Sequence[Path]] = field(default_factory=dict)
 
 
 def document(results: PaperResults, folder: Path) -> str:
@@ -107,15 +109,18 @@ What the paper leaves open, and we chose:
 
 def _group(results: PaperResults, group: str, folder: Path) -> str:
     parts = [f"## {_TITLES[group]}", _INTRODUCTIONS[group]]
-    parts += [
-        f"![{file.stem.replace('_', ' ')}]({file.relative_to(folder)})" for file in results.figures.get(group, ())
-    ]
+    parts += _images(results.figures.get(group, ()), folder)
     parts.append(_claims_table(results.claims[group]))
     moving = results.records[group][0].target.ndim == 2 and group in (TRAJECTORIES, QUADRIFOLIA)
     parts.append(_laws_text(moving) if results.law_records else "In numbers:")
     parts.append(_runs_table({"plain": results.records, **results.law_records}, group, moving))
+    parts += _images(results.law_figures.get(group, ()), folder)
     parts += _changes(results.law_records, group)
     return "\n\n".join(parts)
+
+
+def _images(files: Sequence[Path], folder: Path) -> list[str]:
+    return [f"![{file.stem.replace('_', ' ')}]({file.relative_to(folder)})" for file in files]
 
 
 def _claims_table(claims: Sequence[Claim]) -> str:

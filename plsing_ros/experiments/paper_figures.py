@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,27 @@ def save_paper_figures(
             figure = plt.figure(figsize=(10, 5), layout="constrained")
             draw(figure, records[group], found[group])
             files.setdefault(group, []).append(save_figure(figure, folder / f"{name}.png"))
+    return files
+
+
+def save_law_figures(by_law: Mapping[str, Mapping[str, Sequence[RunRecord]]], folder: Path) -> dict[str, list[Path]]:
+    """Draw one run to a moving goal of each group that has such runs, with all laws.
+
+    Args:
+        by_law: Records by law and group.
+        folder: Where to write the PNG files; it must exist.
+
+    Returns:
+        The files of each group.
+    """
+    files = {}
+    for group, number, name in ((TRAJECTORIES, 0, "p4l_trajectories_laws"), (QUADRIFOLIA, 4, "p4l_quadrifolia_laws")):
+        runs = [replace(of[group][number], name=law) for law, of in by_law.items() if group in of]
+        if runs:
+            figure = plt.figure(figsize=(10, 3.5), layout="constrained")
+            figure.suptitle(next(iter(by_law.values()))[group][number].name)
+            _laws(figure, runs)
+            files[group] = [save_figure(figure, folder / f"{name}.png")]
     return files
 
 
@@ -114,6 +136,22 @@ def _trajectories(figure: Any, runs: Sequence[RunRecord], found: SingularSet) ->
         each.axvline(25.0, color="tab:orange", linestyle="--", linewidth=1.0)
     panels[0].set_xlabel("")
     panels[1].get_legend().remove()
+
+
+def _laws(figure: Any, runs: Sequence[RunRecord]) -> None:
+    drawings: tuple[tuple[str, Callable[[RunRecord], Array]], ...] = (
+        ("tracking error [m]", lambda run: run.distance),
+        ("|v| [m/s]", lambda run: run.linear_speed),
+        ("inverse condition number", lambda run: run.inverse_condition_number),
+    )
+    panels = figure.subplots(1, len(drawings))
+    for axes, (label, values) in zip(panels, drawings, strict=True):
+        draw_over_time(axes, runs, label, values)
+        axes.set_yscale("log")
+        axes.get_legend().remove()
+    for axes in panels[:2]:
+        axes.set_ylim(0.005, None)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(runs))
 
 
 def _quadrifolia(figure: Any, runs: Sequence[RunRecord], found: SingularSet) -> None:  # noqa: ARG001

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 import pytest
 
@@ -11,6 +12,7 @@ import plsing_ros
 from plsing_ros.experiments.appendix import appendix_sections
 from plsing_ros.experiments.claims import claims_of
 from plsing_ros.experiments.paper_document import PaperResults, document, largest_difference, runs_agree
+from plsing_ros.experiments.paper_figures import save_law_figures
 from plsing_ros.experiments.paper_tasks import TRAJECTORIES, paper_tasks
 from plsing_ros.experiments.run_record import RunRecord
 from plsing_ros.experiments.special_scenes import agrees, case_examples, special_orthogonal_scenes
@@ -97,6 +99,18 @@ def test_changed_paths_are_told_of(tmp_path):
     assert "|  | detour | 0.3 m away after 0 s | 0.3 | 0.3 | 1.73 | 5.0e-01 |" in text
     assert "- Trajectory 1: transversal 2 is near: left and joined again." in text and "- Trajectory 2:" not in text
     assert "nearer than 0.1 m" in text
+
+
+def test_runs_with_all_laws_are_drawn_below_their_table(tmp_path):
+    by_law = {
+        law: {TRAJECTORIES: [record(f"Trajectory {number}", offset) for number in (1, 2)]}
+        for law, offset in (("plain", 0.0), ("detour", 0.2))
+    }
+    figures = save_law_figures(by_law, tmp_path)
+    (figure,) = figures[TRAJECTORIES]
+    assert matplotlib.image.imread(figure)[..., :3].std() > 0.05
+    text = document(results(law_records={"detour": by_law["detour"]}, law_figures=figures), tmp_path)
+    assert text.index(f"]({figure.name})") > text.index("|  | detour |")
 
 
 def test_choices_and_nodes_are_reported(tmp_path):

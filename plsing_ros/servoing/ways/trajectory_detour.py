@@ -28,9 +28,8 @@ _PLANNED = (1.0, 1.0 / ROUNDED)
 _MOST_DEVIATION = 5.0
 # How finely a trajectory is looked at: samples at least, the largest step between them in margins, and a bound.
 _LEAST_SAMPLES, _STEP, _FINEST = 201, 0.1, 50
-# How many places to join the trajectory are tried for a camera that begins elsewhere, and when it does [m].
+# How many places to join the trajectory are tried for a camera that begins elsewhere.
 _JOINS = 8
-_SAME_PLACE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +132,7 @@ class _Planner:
 
     def pieces(self, start: Pose | None) -> tuple[Piece, ...]:
         pieces, begin = [], 0
-        if start is not None and np.linalg.norm(start.translation - self._position[0]) > _SAME_PLACE:
+        if start is not None and not _same(start, self._poses[0]):
             pieces.append(self._approach(start))
             begin = int(np.searchsorted(self._times, pieces[0].times[-1]))
         while begin < len(self._times) - 1:
@@ -230,7 +229,7 @@ class _Planner:
             if j >= len(clear):
                 break
         apart = float(np.linalg.norm(start.translation - self._position[0]))
-        reason = f"begins {apart:.3g} m away from the camera: no place to join it in time was found"
+        reason = f"it begins elsewhere than the camera, {apart:.3g} m away: no place to join it in time was found"
         return Piece(self._times[:1], reason, None, np.zeros(1), float(self._nearest[0]), 0.0)
 
     def _along(self, plan: Plan, i: int, j: int, progress: Array) -> Piece:
@@ -239,6 +238,11 @@ class _Planner:
         apart = np.linalg.norm(position - self._position[i : j + 1], axis=1)
         closest = float(self._clearance.distances(position).min())
         return Piece(self._times[i : j + 1], plan.reason, plan.path, progress, closest, float(apart.max()))
+
+
+def _same(a: Pose, b: Pose) -> bool:
+    apart = [np.abs(a.translation - b.translation).max(), np.abs(a.rotation - b.rotation).max()]
+    return bool(max(apart) < 1e-6)
 
 
 def _speeds(position: Array, rotation: Rotation, times: Array) -> tuple[float, float]:

@@ -252,6 +252,17 @@ def test_a_trajectory_that_is_over_too_soon_cannot_be_joined():
     np.testing.assert_array_equal(changed.pose(0.0).translation, desired(0.0).translation)
 
 
+def test_a_camera_that_is_only_turned_joins_too():
+    task = TASKS[TRAJECTORIES][1]
+    turned = task.desired_pose(0.0).moved([0.0, 0.0, 0.0, 0.0, 0.0, 0.4], 1.0)
+    changed = plan_trajectory(FOUND, task.desired_pose, task.path.duration, GOING_ROUND, turned)
+    (piece,) = changed.pieces
+    assert piece.path and 2.0 < piece.times[-1] < 6.0
+    np.testing.assert_allclose(changed.pose(0.0).rotation, turned.rotation, atol=1e-12)
+    join = piece.times[-1]
+    np.testing.assert_allclose(changed.pose(join - 1e-9).rotation, task.desired_pose(join).rotation, atol=1e-6)
+
+
 @pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_trajectory_without_duration_is_refused(duration):
     with pytest.raises(GeometryError, match="the duration of a trajectory is"):
