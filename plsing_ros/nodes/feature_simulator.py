@@ -95,10 +95,6 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
             self._publish_frame()
 
     def _publish_frame(self) -> None:
-        if self._clock_topic is not None:
-            # First, so that others have taken the time when the features come.
-            fill_stamp(self._clock_message.clock, self._simulation.stamp)
-            self._clock_topic.publish(self._clock_message)
         frame = self._simulation.frame()
         fill_stamp(self._in_scene.stamp, frame.stamp)
         if self._pose.get_subscription_count():
@@ -106,6 +102,10 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
             self._pose.publish(self._pose_message)
         fill_stamp(self._features_message.header.stamp, frame.stamp)
         fill_features(self._features_message, frame.observation)
+        if self._clock_topic is not None:
+            # Just before the features, so that whoever takes both wakes up once.
+            fill_stamp(self._clock_message.clock, frame.stamp)
+            self._clock_topic.publish(self._clock_message)
         self._features.publish(self._features_message)
         self._diagnostics.count(frame.stamp)
         if self._state.get_subscription_count():

@@ -62,12 +62,7 @@ class Simulation:
         self._applied: Array = np.zeros(6)
         self._reason = "no twist received yet"
         self._idle = True
-        self._observation: LineObservation | None = None
-
-    @property
-    def stamp(self) -> int:
-        """Time of the current frame [ns]."""
-        return self._stamp
+        self._observation = self._observe()
 
     def apply(self, parameters: SimulatorParameters) -> None:
         """Use a changed scene and noise from the next frame on, and a changed start pose at the next reset."""
@@ -84,6 +79,7 @@ class Simulation:
         self._reason = "no twist received since the reset"
         self._twist = None
         self._next_stamp()
+        self._observation = self._observe()
 
     def receive_twist(self, twist: Array, stamp: int) -> None:
         """Take a twist (v, omega) in the optical frame, shape (6,), for the frame of that stamp [ns].
@@ -110,6 +106,7 @@ class Simulation:
         self._twist = None
         if moved:
             self._next_stamp()
+            self._observation = self._observe()
         return moved
 
     def step_in_realtime(self, now: int) -> None:
@@ -123,7 +120,8 @@ class Simulation:
                 self._reason = f"latest twist is {age:.3g} s old, allowed are {self._parameters.twist_timeout:g} s"
         else:
             self._applied = np.zeros(6)
-        self._stamp, self._observation = now, None
+        self._stamp = now
+        self._observation = self._observe()
 
     def idle_since_last_call(self) -> bool:
         """Return whether no step was made since this was last asked."""
@@ -132,8 +130,6 @@ class Simulation:
 
     def frame(self) -> Frame:
         """Return the current frame; the same, noise included, until the next step."""
-        if self._observation is None:
-            self._observation = self._observe()
         return Frame(
             self._stamp, self._step, self._camera.T_world_camera, self._observation, self._applied, self._reason
         )
@@ -154,4 +150,3 @@ class Simulation:
 
     def _next_stamp(self) -> None:
         self._stamp += round(self._parameters.time_step * _SECOND)
-        self._observation = None
