@@ -28,9 +28,9 @@ class BareNode(Node):
 class BareSimulator(BareNode):
     """Sends the next clock, pose and features when the twist for the latest has come."""
 
-    def __init__(self, ends_process: bool = False, **options: Any) -> None:
+    def __init__(self, **options: Any) -> None:
         super().__init__("bare_simulator", **options)
-        self.steps = StepTimes(ends_process)
+        self.steps = StepTimes()
         self._number = 1
         self._time, self._pose, self._features = Clock(), PoseWithCovarianceStamped(), LineFeatureArray()
         self._features.header.frame_id = _FRAME
