@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
-from rclpy.qos import QoSProfile
 
-from plsing_msgs.msg import ControllerState, SingularityAlert, SingularityStatus
-from plsing_ros.errors import PlsingError
+from plsing_msgs.msg import SingularityAlert, SingularityStatus
 from plsing_ros.experiments.run_record import Alert, RunRecord
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import Controller
-from plsing_ros.nodes.conversions import nanoseconds, twist_from_message
+from plsing_ros.nodes.conversions import twist_from_message
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
-from plsing_ros.nodes.harness import Collected, Harness
+from plsing_ros.nodes.frame_messages import RELIABLE, FrameMessages, answer, stamp_of
+from plsing_ros.nodes.harness import Harness
 from plsing_ros.nodes.pose_conversions import camera_pose_from_message
 from plsing_ros.nodes.pose_estimator import PoseEstimator
 from plsing_ros.nodes.singularity_monitor import SingularityMonitor
@@ -57,14 +55,10 @@ def run_closed_loop(
         PlsingError: If a parameter is refused, the loop stops, or a message was lost.
     """
     with Harness(executor, log_level="ERROR") as ros:
-        best_effort = QoSProfile(depth=100, reliability=qos.SENSOR_DATA.reliability)
-        reliable = QoSProfile(depth=100)
         truth = "true_camera_pose" if estimate_pose else "camera_pose"
         completed = {"line_features": "completed_line_features"} if estimate_pose else {}
-        poses = ros.collect(PoseWithCovarianceStamped, truth, best_effort)
-        twists = ros.collect(TwistStamped, "cmd_twist", reliable)
-        states = ros.collect(ControllerState, "controller/state", reliable)
-        statuses = ros.collect(SingularityStatus, "singularity_status", reliable)
+        frames = FrameMessages(ros, truth)
+        statuses = ros.collect(SingularityStatus, "singularity_status", RELIABLE)
         alerts = ros.collect(SingularityAlert, "singularity_alerts", qos.LATCHED)
         ros.add(SingularityMonitor, params_file, {"use_sim_time": True}, completed)
         controller = ros.add(Controller, params_file, {"use_sim_time": True, **target}, completed)
@@ -80,18 +74,22 @@ def run_closed_loop(
         destination = controller.parameters.target_pose().translation
         time_step = round(simulator.parameters.time_step * _SECOND)
 
+        def status(stamp: int) -> Any:
+            # Before the first frame the monitor truly says that it has no features; that is not part of the run.
+            return answer(statuses, stamp, lambda status: status.level != SingularityStatus.STALE)
+
         reported: list[Alert] = []
-        stamp, is_there = FIRST_STAMP, False
+        rows, is_there = [], False
         for number in range(1, most_steps + 1):
             stamp = FIRST_STAMP + (number - 1) * time_step
             ros.spin_until(
-                lambda: all(each and stamp_of(each[-1]) >= stamp for each in (poses, twists, states, statuses)),
+                lambda: frames.have_come(stamp) and status(stamp) is not None,
                 f"frame {number} of {name}",
             )
-            pose = camera_pose_from_message(message_of_stamp(poses, stamp), simulator.parameters.scene_frame)
+            rows.append((*frames.of(stamp), status(stamp)))
+            pose = camera_pose_from_message(rows[-1][0], simulator.parameters.scene_frame)
             distance = float(np.linalg.norm(pose.translation - destination))
             on_frame(number, distance)
-            # Before the first frame the monitor truly says that it has no features; that is not part of the run.
             of_run = [each for each in alerts if stamp_of(each) >= FIRST_STAMP]
             for message in of_run[len(reported) :]:
                 seconds = (stamp_of(message) - FIRST_STAMP) / _SECOND
@@ -101,51 +99,15 @@ def run_closed_loop(
             if is_there:
                 break
 
-        stamps = range(FIRST_STAMP, stamp + 1, time_step)
-        frame = simulator.parameters.camera_frame
+        scene_frame, camera_frame = simulator.parameters.scene_frame, simulator.parameters.camera_frame
         return RunRecord(
             name,
-            (np.array(stamps) - FIRST_STAMP) / _SECOND,
-            np.array(
-                [
-                    camera_pose_from_message(each, simulator.parameters.scene_frame).translation
-                    for each in _rows(poses, stamps)
-                ]
-            ),
-            np.array([twist_from_message(each, frame) for each in _rows(twists, stamps)]),
-            np.array([each.error_norm for each in _rows(states, stamps)]),
-            np.array([each.inverse_condition_number for each in _rows(statuses, stamps)]),
+            np.arange(len(rows)) * time_step / _SECOND,
+            np.array([camera_pose_from_message(pose, scene_frame).translation for pose, _, _, _ in rows]),
+            np.array([twist_from_message(twist, camera_frame) for _, twist, _, _ in rows]),
+            np.array([state.error_norm for _, _, state, _ in rows]),
+            np.array([status.inverse_condition_number for _, _, _, status in rows]),
             destination,
             is_there,
             tuple(reported),
         )
-
-
-def stamp_of(message: Any) -> int:
-    """Return a message's stamp [ns]."""
-    return nanoseconds(message.header.stamp)
-
-
-def message_of_stamp(messages: Collected, stamp: int) -> Any:
-    """Return the latest message with a stamp [ns].
-
-    Raises:
-        PlsingError: If there is none.
-    """
-    found = next((each for each in reversed(messages) if stamp_of(each) == stamp), None)
-    if found is None:
-        raise PlsingError(
-            f"the message of {messages.topic} at {stamp / _SECOND:g} s was lost; is the machine overloaded?"
-        )
-    return found
-
-
-def _rows(messages: Collected, stamps: Sequence[int]) -> list[Any]:
-    by_stamp = {stamp_of(each): each for each in messages}
-    missing = [each for each in stamps if each not in by_stamp]
-    if missing:
-        raise PlsingError(
-            f"{len(missing)} of {len(stamps)} messages of {messages.topic} were lost, the first at "
-            f"{missing[0] / _SECOND:g} s; is the machine overloaded?"
-        )
-    return [by_stamp[each] for each in stamps]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
-from rclpy.qos import QoSProfile
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SimulatorState
 from plsing_ros.errors import PlsingError
@@ -15,7 +13,6 @@ from plsing_ros.experiments.run_record import RunRecord
 from plsing_ros.experiments.servo_task import ServoTask
 from plsing_ros.features import LineObservation
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.closed_loop import message_of_stamp, stamp_of
 from plsing_ros.nodes.controller import Controller
 from plsing_ros.nodes.conversions import (
     features_message,
@@ -24,7 +21,8 @@ from plsing_ros.nodes.conversions import (
     twist_from_message,
 )
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
-from plsing_ros.nodes.harness import Collected, Harness
+from plsing_ros.nodes.frame_messages import RELIABLE, FrameMessages, stamp_of
+from plsing_ros.nodes.harness import Harness
 from plsing_ros.nodes.pose_conversions import camera_pose_from_message
 from plsing_ros.servoing.simulation import FIRST_STAMP
 
@@ -51,12 +49,8 @@ def run_in_nodes(
             with the target of another one.
     """
     with Harness(executor, log_level="FATAL") as ros:
-        best_effort = QoSProfile(depth=100, reliability=qos.SENSOR_DATA.reliability)
-        reliable = QoSProfile(depth=100)
-        poses = ros.collect(PoseWithCovarianceStamped, "camera_pose", best_effort)
-        twists = ros.collect(TwistStamped, "cmd_twist", reliable)
-        states = ros.collect(ControllerState, "controller/state", reliable)
-        simulator_states = ros.collect(SimulatorState, "feature_simulator/state", reliable)
+        frames = FrameMessages(ros)
+        simulator_states = ros.collect(SimulatorState, "feature_simulator/state", RELIABLE)
         ros.add(Controller, parameters={"use_sim_time": True, **task.controller_values()})
         source = _TargetSource(ros, task) if task.moving else None
         simulator = ros.add(
@@ -76,35 +70,23 @@ def run_in_nodes(
                 return latest is not None and latest.waiting and stamp_of(latest) == stamp - time_step
 
             ros.spin_until(
-                lambda: refused()
-                or (all(each and stamp_of(each[-1]) >= stamp for each in (poses, twists)) and _answer(states, stamp)),
+                lambda: refused() or frames.have_come(stamp),
                 f"frame {len(rows) + 1} of {task.name}",
             )
-            state = _answer(states, stamp)
-            if state is None:
+            if frames.state(stamp) is None:
                 rows.ended = f"lost: {simulator_states[-1].reason}"
                 break
+            pose, twist, state = frames.of(stamp)
             if source is not None:
                 source.check(state)
             distance = rows.add(
-                camera_pose_from_message(message_of_stamp(poses, stamp), scene_frame).translation,
-                twist_from_message(message_of_stamp(twists, stamp), camera_frame),
+                camera_pose_from_message(pose, scene_frame).translation,
+                twist_from_message(twist, camera_frame),
                 state.error_norm,
                 state.inverse_condition_number,
             )
             on_frame(len(rows), distance)
         return rows.record()
-
-
-def _answer(states: Collected, stamp: int) -> ControllerState | None:
-    """Return the controller's state for the frame of a stamp [ns], if it is there."""
-    for state in reversed(states):
-        if stamp_of(state) < stamp:
-            break
-        # Before its first frame the controller says that it waits, with the stamp of that very frame.
-        if stamp_of(state) == stamp and state.mode != ControllerState.WAITING:
-            return state
-    return None
 
 
 class _TargetSource:
