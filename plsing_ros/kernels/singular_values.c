@@ -156,7 +156,7 @@ static void complete(double rows[][2 * MOST_COLUMNS], int which, int k)
     }
 }
 
-/* For six columns, LAPACK's dgesdd takes five to ten times as long, most of it before the first multiplication. */
+/* LAPACK's dgesdd takes more than twice as long for four lines, most of it before the first multiplication. */
 int decompose(const double *matrix, Py_ssize_t m, int k, struct decomposition *d, double *values, double *right)
 {
     double size = 0.0, not_finite = 0.0;

@@ -162,6 +162,23 @@ def test_whatever_comes_the_twist_is_finite_and_within_the_limits(chosen, frames
         assert_safe(answer(servo, make_observation, now, now), servo.parameters)
 
 
+@pytest.mark.parametrize("size", [1e150, 1e200, 1e307, 1.7e308])
+@pytest.mark.parametrize("law", ["pinv", "guarded"])
+def test_an_error_that_no_number_can_tell_halts_and_a_large_one_does_not(size, law):
+    lines, target = SCENE
+    seen = observation(lines, target)
+    far = LineObservation(seen.ids, seen.image_lines * [1, 1, 0] + [0, 0, size], seen.usable, seen.lines_camera)
+    servo = servo_for(lines, target, law=law, max_linear_speed=0.1, max_angular_speed=0.1)
+    command = servo.step(far, NOW, NOW)
+    assert_safe(command, servo.parameters)
+    if size < 1e300:
+        assert command.mode is Mode.SERVOING
+        assert command.error_norm == pytest.approx(2.0 * size)  # of four lines
+    elif size > 1e308:
+        assert command.mode is Mode.HALTED
+        assert "not finite" in command.reason
+
+
 @given(stamp=st.integers(-(2**63), 2**63), now=st.integers(0, 2**63))
 @example(stamp=-1, now=0)
 def test_whatever_the_stamp_the_twist_is_finite(stamp, now):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from plsing_ros.arrays import Array
@@ -93,11 +95,11 @@ def limited_amplitudes(amplitudes: Array, health: Array, share: float, least: fl
     Source: new, docs/controller.md.
     """
     lost = health < 1.0
-    if not lost.any():
+    if not np.count_nonzero(lost):
         return amplitudes
-    rest = float(np.linalg.norm(amplitudes[~lost]))
-    limit = np.full_like(amplitudes, np.inf)
-    limit[lost] = (share * rest + least) * health[lost] / (1.0 - health[lost])
+    rest = math.hypot(*amplitudes[~lost].tolist())
+    unlimited = np.full(len(health), np.inf)
+    limit = np.divide((share * rest + least) * health, 1.0 - health, where=lost, out=unlimited)
     limited: Array = np.minimum(np.maximum(amplitudes, -limit), limit)
     return limited
 

@@ -125,8 +125,10 @@ class LawCycle:
     ) -> Command:
         parameters = self.parameters
         wanted = asked.twist if reference is None else asked.twist + parameters.selected(reference.feedforward)
-        if not _is_finite(wanted):
-            return self._halted(f"the control law gave a twist that is not finite: {wanted.tolist()}")
+        if not (_is_finite(wanted) and math.isfinite(error_norm)):
+            return self._halted(
+                f"the control law gave a twist that is not finite: {wanted.tolist()}, from an error of {error_norm:.3g}"
+            )
         scale = trust * self._guarded(lines, asked)
         twist, limited = saturated(wanted if scale == 1.0 else wanted * scale, *parameters.speed_limits)
         output = twist
