@@ -9,6 +9,7 @@
 #define MOST_DAMPING 1e10
 #define SMALLEST_GAIN 1e-6
 #define LONGEST_TURN 0.5
+#define SLACK 1.0
 
 int eliminate(double *a, double *b, int n)
 {
@@ -71,6 +72,15 @@ double misfit(const struct residual *lines, const struct residual *measure, cons
     return sum;
 }
 
+/* The logarithm of the determinant of the covariance of all lines. */
+static double log_determinant(const struct residual *lines, const double *weight, Py_ssize_t n)
+{
+    double sum = 0.0;
+    for (Py_ssize_t i = 0; i < n; i++)
+        sum += (weight ? weight[i] : 1.0) * log(lines[i].determinant);
+    return sum;
+}
+
 /* Fill the normal equations (6, 6) and half of the gradient of the misfit. */
 static void normal_equations(const struct residual *lines, const double *weight, Py_ssize_t n, double *normal,
                              double *slope)
@@ -107,8 +117,9 @@ int refine(const struct image *image, const double *weight, long iterations, dou
     int final = 0;
     *gain = INFINITY;
     residuals_at(image, rotation, t, now);
+    double was = misfit(now, now, weight, n), lowest = was + log_determinant(now, weight, n);
     for (; iterations > 0 && !final; iterations--) {
-        double was = misfit(now, now, weight, n), normal[36], slope[6], step[6], new_rotation[9], new_t[3];
+        double normal[36], slope[6], step[6], new_rotation[9], new_t[3];
         normal_equations(now, weight, n, normal, slope);
         for (int j = 0; j < 6; j++) {
             normal[7 * j] = normal[7 * j] * (1.0 + damping) + 1e-300;
@@ -125,8 +136,11 @@ int refine(const struct image *image, const double *weight, long iterations, dou
             step[j] *= LONGEST_TURN / turn;
         move(step, rotation, t, new_rotation, new_t);
         residuals_at(image, new_rotation, new_t, next);
-        /* Both by the same measure, as far poses would win by their larger covariance. */
-        if (misfit(next, now, weight, n) <= was) {
+        double is = misfit(next, next, weight, n), cost = is + log_determinant(next, weight, n);
+        /* Both by the same measure, and not much less likely, as poses would win by their larger covariance. */
+        if (misfit(next, now, weight, n) <= was && cost <= lowest + SLACK) {
+            was = is;
+            lowest = fmin(lowest, cost);
             struct residual *other = now;
             now = next;
             next = other;

@@ -14,6 +14,8 @@ _MOST_DAMPING = 1e10
 # last: Newton's steps then leave the square of it.
 _SMALLEST_GAIN = 1e-6
 _LONGEST_TURN = 0.5  # [rad]
+# By how much the cost may exceed the lowest one on the way: -2 log likelihood, with the covariances' determinants.
+_SLACK = 1.0
 _DIAGONAL = np.arange(6)
 
 
@@ -51,9 +53,11 @@ def refine_poses(
     moving = np.ones(k, dtype=bool)
     now, new = np.empty((k, 15, n)), np.empty((k, 15, n))
     raw, jacobian = np.empty((k, 2, n, 6)), np.empty((k, 2, n, 6))
+    lowest = np.full(k, np.inf)
     for _ in range(iterations):
         image_residuals(lines, image_lines, settings, rotation, translation, now)
         was = squared_misfit(now[:, 2:4], weight)
+        lowest = np.minimum(lowest, was + (weight * now[:, 14]).sum(axis=1))
         image_jacobians(now, raw, jacobian)
         rows = (jacobian * weight[:, np.newaxis, :, np.newaxis]).reshape(k, 2 * n, 6)
         normal = rows.transpose(0, 2, 1) @ rows
@@ -67,8 +71,9 @@ def refine_poses(
         step *= np.minimum(1.0, _LONGEST_TURN / np.maximum(turn, _LONGEST_TURN))[:, np.newaxis]
         new_rotation, new_translation = moved_poses(step, rotation, translation)
         image_residuals(lines, image_lines, settings, new_rotation, new_translation, new)
-        # Both by the same measure, as far poses would win by their larger covariance.
+        # Both by the same measure, and not much less likely, as poses would win by their larger covariance.
         better = squared_misfit(whitened(new[:, :2], now[:, 4:7]), weight) <= was
+        better &= squared_misfit(new[:, 2:4], weight) + (weight * new[:, 14]).sum(axis=1) <= lowest + _SLACK
         taken = moving & better
         rotation[taken], translation[taken] = new_rotation[taken], new_translation[taken]
         damping = np.where(better, 0.1 * damping, np.maximum(100.0 * damping, 1e-4))

@@ -8,6 +8,7 @@ from scipy.stats import chi2
 from strategies import numbers
 
 from plsing_ros.errors import ObservationError, ParameterError
+from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS, noisy_scene
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters, PoseEstimatorParameters
@@ -116,6 +117,18 @@ def test_on_a_locus_nothing_is_presented_as_ok(center, offset):
         assert estimate.verdict is not Verdict.OK
         assert estimate.reason
         assert finite(estimate)
+
+
+def test_a_pose_next_to_a_line_that_explains_the_image_by_its_covariance_alone_is_not_taken():
+    # On L_M of five lines, refinement without the determinant of the covariance ends 1 mm from the fifth line.
+    experiment, generator = EXPERIMENTS[3], np.random.default_rng(1)
+    pose = experiment.poses(401)[50]
+    known = [noisy_scene(experiment.scene, experiment.noise, generator) for _ in range(51)][-1]
+    settings_ = EstimationParameters(noise_image=0.0, noise_scene=experiment.noise)
+    estimate = PoseEstimator(known, settings_).estimate(image_of(experiment.scene, pose))
+    assert estimate.verdict is not Verdict.OK
+    seen = known.transformed(estimate.T_world_camera.inverse(), "camera")
+    assert np.linalg.norm(seen.moment, axis=1).min() > 0.1
 
 
 @pytest.mark.parametrize(("n", "row"), [(4, 0), (4, 3), (5, 2), (7, 6)])
