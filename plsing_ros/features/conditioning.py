@@ -66,7 +66,7 @@ def conditioning(matrix: npt.ArrayLike | Factorisation, characteristic_length: f
         inverse,
         scaled_inverse,
         float(characteristic_length),
-        weakest if weakest[np.abs(weakest).argmax()] > 0.0 else -weakest,
+        weakest if max(weakest.tolist(), key=abs) > 0.0 else -weakest,
     )
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from plsing_ros.arrays import Array, cross
+from plsing_ros import kernels
+from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry.line_set import LineSet
 from plsing_ros.geometry.pose import Pose
@@ -49,24 +51,14 @@ def align_lines(scene: LineSet, seen: LineSet) -> Alignment:
     Source: new, docs/monitor.md; the rotation is Kabsch's.
     """
     expected = matched(scene, seen)
-    u = expected.direction
-    left, values, right = np.linalg.svd(u.T @ seen.direction)
-    if len(seen) < 2 or values[1] < _PARALLEL:
-        raise GeometryError(f"the {len(seen)} seen line(s) are all parallel; they do not fix a camera pose")
-    if np.linalg.det(left) * np.linalg.det(right) < 0.0:
-        left = left * (1.0, 1.0, -1.0)
-    R = left @ right
-    difference = expected.moment - seen.moment @ R.T
-    # Normal equations of sum |t x u - difference|^2: sum (I - u u^T) t = sum u x difference.
-    normal = len(u) * np.eye(3) - u.T @ u
-    t = np.linalg.solve(normal, cross(u, difference).sum(axis=0))
-    cosine = np.einsum("ij,ij->i", u, seen.direction @ R.T)
-    misfit = difference - cross(t, u)
-    return Alignment(
-        Pose(R, t),
-        float(np.arccos(np.clip(cosine.min(), -1.0, 1.0))),
-        float(np.sqrt(np.einsum("ij,ij->", misfit, misfit) / len(u))),
+    rotation, translation, quality = np.empty((3, 3)), np.empty(3), np.empty(3)
+    fixed = kernels.align(
+        expected.direction, expected.moment, seen.direction, seen.moment, rotation, translation, quality
     )
+    spread, cosine, offset = quality.tolist()
+    if not fixed or len(seen) < 2 or spread < _PARALLEL:
+        raise GeometryError(f"the {len(seen)} seen line(s) are all parallel; they do not fix a camera pose")
+    return Alignment(Pose(rotation, translation), math.acos(min(max(cosine, -1.0), 1.0)), offset)
 
 
 def matched(scene: LineSet, seen: LineSet) -> LineSet:
@@ -92,9 +84,10 @@ def reversed_lines(scene: LineSet, seen: LineSet, rotation: Array) -> tuple[int,
         seen: In the camera frame.
         rotation: Of T_scene_camera, shape (3, 3); the noise of both may be large.
     """
-    cosine = np.einsum("ij,ij->i", matched(scene, seen).direction @ rotation, seen.direction)
-    if cosine.min() >= _REVERSED:
+    expected = matched(scene, seen).direction
+    if kernels.least_cosine(expected, rotation, seen.direction) >= _REVERSED:
         return ()
+    cosine = np.einsum("ij,ij->i", expected @ rotation, seen.direction)
     return tuple(seen.ids[row] for row in np.flatnonzero(cosine < _REVERSED))
 
 

@@ -1,19 +1,25 @@
 """The inner loops of every cycle: compiled where the package was built with a C compiler, else made of numpy.
 
 Both give the same numbers to rounding. They fill arrays that the caller has made, C-contiguous and float64, and check
-nothing of them but what they say; use them through LineSet, interaction_matrix, factorised, solved and PoseEstimator.
-The Python files say what they do, a topic each.
+nothing of them but what they say; use them through what the package makes of them (LineSet, factorised, solved,
+align_lines, SingularSet, PoseEstimator ...). The Python files say what they do, a topic each.
 """
 
 try:
     from plsing_ros.kernels.compiled import (
+        align,
+        approach,
         are_image_lines,
         are_lines,
+        distances,
         have_images,
+        image_deviation,
         image_jacobians,
         image_residuals,
         interaction_matrix,
         is_rotation,
+        law_step,
+        least_cosine,
         mean_interaction,
         plain_law,
         pose_uncertainty,
@@ -27,13 +33,19 @@ try:
     )
 except ImportError:
     from plsing_ros.kernels.of_numpy import (
+        align,
+        approach,
         are_image_lines,
         are_lines,
+        distances,
         have_images,
+        image_deviation,
         image_jacobians,
         image_residuals,
         interaction_matrix,
         is_rotation,
+        law_step,
+        least_cosine,
         mean_interaction,
         plain_law,
         pose_uncertainty,
@@ -47,13 +59,19 @@ except ImportError:
     )
 
 __all__ = [
+    "align",
+    "approach",
     "are_image_lines",
     "are_lines",
+    "distances",
     "have_images",
+    "image_deviation",
     "image_jacobians",
     "image_residuals",
     "interaction_matrix",
     "is_rotation",
+    "law_step",
+    "least_cosine",
     "mean_interaction",
     "plain_law",
     "pose_uncertainty",

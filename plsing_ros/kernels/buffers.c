@@ -51,3 +51,9 @@ int count_columns(PyObject *array)
         PyErr_SetString(PyExc_ValueError, "there must be 1 to 6 singular values");
     return -1;
 }
+
+int take_number(PyObject *object, double *value)
+{
+    *value = PyFloat_AsDouble(object);
+    return !(*value == -1.0 && PyErr_Occurred());
+}

@@ -4,13 +4,19 @@
 
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "See the Python file of its topic."}
 static PyMethodDef methods[] = {
+    METHOD(align),
+    METHOD(approach),
     METHOD(are_image_lines),
     METHOD(are_lines),
+    METHOD(distances),
     METHOD(have_images),
+    METHOD(image_deviation),
     METHOD(image_jacobians),
     METHOD(image_residuals),
     METHOD(interaction_matrix),
     METHOD(is_rotation),
+    METHOD(law_step),
+    METHOD(least_cosine),
     METHOD(mean_interaction),
     METHOD(plain_law),
     METHOD(pose_uncertainty),

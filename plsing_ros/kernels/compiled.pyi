@@ -89,3 +89,41 @@ def triplet_rotations(
     /,
 ) -> int: ...
 def translations(rotation: Array, normals: Array, points: Array, t: Array, /) -> None: ...
+def distances(point: Array, direction: Array, center: Array, closest: Array, distance: Array, /) -> bool: ...
+def approach(
+    closest: Array,
+    distance: Array,
+    direction: Array,
+    role: Array,
+    center: Array,
+    velocity: Array,
+    found: Array,
+    horizon: float,
+    at_rest: float,
+    along_share: float,
+    /,
+) -> int: ...
+def align(
+    direction: Array,
+    moment: Array,
+    seen_direction: Array,
+    seen_moment: Array,
+    rotation: Array,
+    translation: Array,
+    quality: Array,
+    /,
+) -> bool: ...
+def least_cosine(direction: Array, rotation: Array, seen_direction: Array, /) -> float: ...
+def law_step(
+    lines: Array,
+    desired: Array,
+    twist: Array,
+    moved: Array,
+    next_twist: Array,
+    duration: float,
+    gain: float,
+    least_depth: float,
+    fastest: float,
+    /,
+) -> bool: ...
+def image_deviation(moment: Array, image: Array, /) -> float: ...

@@ -14,6 +14,8 @@
 
 #define MOST_COLUMNS 6
 #define ROWS_ON_STACK 128
+/* Singular values up to this times the largest are zero to working precision. */
+#define SINGULAR 2.2e-16
 
 /* buffers.c */
 
@@ -26,6 +28,8 @@ Py_ssize_t take_arrays(PyObject *const *objects, const int *columns, int count, 
 void release_arrays(Py_buffer *buffers, int count);
 /* Return whether that many arguments were given, or 0 with an exception set. */
 int are_arguments(Py_ssize_t given, Py_ssize_t expected);
+/* Give the value of an argument that is a number; return 0 with an exception set if it is none. */
+int take_number(PyObject *object, double *value);
 /* Return the length of an array that has an element for each column of a matrix, or -1 with an exception set. */
 int count_columns(PyObject *array);
 
@@ -38,6 +42,13 @@ double largest_element(const double *vector);
 
 /* Fill `matrix` (3n, 6) of n lines (u, l), and return whether all have an image. */
 int fill_interaction_matrix(const double *u, const double *l, Py_ssize_t n, double least_depth, double *matrix);
+
+/* least_squares.c */
+
+/* Fill the decomposition of `matrix` (m, k), and `factor` times: `components` (k) along the left singular vectors, and the
+ * `solution` (k) of least squares. Return whether the matrix and its factors are finite. */
+int solved(const double *matrix, const double *right_side, Py_ssize_t m, int k, double factor, double threshold,
+           double *values, double *right, double *components, double *solution);
 
 /* singular_values.c */
 
@@ -112,13 +123,19 @@ int hessenberg_eigenvalues(double *matrix, int n, double *real, double *imaginar
 /* What Python calls, listed in compiled.c. */
 
 #define FUNCTION(name) PyObject *name(PyObject *self, PyObject *const *args, Py_ssize_t count)
+FUNCTION(align);
+FUNCTION(approach);
 FUNCTION(are_image_lines);
 FUNCTION(are_lines);
+FUNCTION(distances);
 FUNCTION(have_images);
+FUNCTION(image_deviation);
 FUNCTION(image_jacobians);
 FUNCTION(image_residuals);
 FUNCTION(interaction_matrix);
 FUNCTION(is_rotation);
+FUNCTION(law_step);
+FUNCTION(least_cosine);
 FUNCTION(mean_interaction);
 FUNCTION(plain_law);
 FUNCTION(pose_uncertainty);

@@ -1,8 +1,11 @@
 """The same functions as in `compiled`, made of numpy."""
 
+from plsing_ros.kernels.alignment import align, least_cosine
 from plsing_ros.kernels.interaction import interaction_matrix, mean_interaction
 from plsing_ros.kernels.least_squares import plain_law, solve, subtract
 from plsing_ros.kernels.lines import are_image_lines, are_lines, have_images, is_rotation
+from plsing_ros.kernels.loci import approach, distances
+from plsing_ros.kernels.preview import image_deviation, law_step
 from plsing_ros.kernels.refinement import refine_poses
 from plsing_ros.kernels.residuals import image_jacobians, image_residuals
 from plsing_ros.kernels.search import search_poses
@@ -11,13 +14,19 @@ from plsing_ros.kernels.triplets import translations, triplet_rotations
 from plsing_ros.kernels.uncertainty import pose_uncertainty
 
 __all__ = [
+    "align",
+    "approach",
     "are_image_lines",
     "are_lines",
+    "distances",
     "have_images",
+    "image_deviation",
     "image_jacobians",
     "image_residuals",
     "interaction_matrix",
     "is_rotation",
+    "law_step",
+    "least_cosine",
     "mean_interaction",
     "plain_law",
     "pose_uncertainty",

@@ -5,8 +5,6 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-import numpy as np
-
 from plsing_ros.arrays import Array
 
 
@@ -52,24 +50,3 @@ class DistanceArrays:
 
     distance: Array
     closest_point: Array
-
-
-class LineAndPointTable:
-    """Closest points on k straight lines and points at once.
-
-    A point is a line whose direction is zero, so that one formula serves both.
-
-    Args:
-        point: A point of each, shape (k, 3) [m].
-        direction: Unit directions, or zero for points, shape (k, 3).
-    """
-
-    def __init__(self, point: Array, direction: Array) -> None:
-        self._point = np.ascontiguousarray(point, dtype=float)
-        self._direction = np.ascontiguousarray(direction, dtype=float)
-
-    def closest_points(self, center: Array) -> Array:
-        """Return the point of each closest to center (3,), shape (k, 3) [m]."""
-        along = np.einsum("ij,ij->i", center - self._point, self._direction)
-        closest: Array = self._point + along[:, np.newaxis] * self._direction
-        return closest

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array
+from plsing_ros import kernels
+from plsing_ros.arrays import Array, checked_array, shaped_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
 from plsing_ros.singularities.cases import Case, classify
@@ -17,7 +18,7 @@ from plsing_ros.singularities.certificate import Certificate, certify_isolated_p
 from plsing_ros.singularities.exact_certificate import everywhere_certificate, exact_certificates
 from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, isolated_points_of_four, no_points
 from plsing_ros.singularities.isolated_points import ComplexArray
-from plsing_ros.singularities.loci import DistanceArrays, Kind, LineAndPointTable, LocusDistance
+from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
 from plsing_ros.singularities.lost_motion import LostMotion, lost_motions
 from plsing_ros.singularities.many_lines import best_subsets, isolated_points_of_many
 from plsing_ros.singularities.rational_lines import RationalLines, rational_lines
@@ -125,13 +126,14 @@ class SingularSet:
         return (*kinds, *(surface.kind for surface in self.surfaces))
 
     @cached_property
-    def _table(self) -> LineAndPointTable:
+    def _lines_and_points(self) -> tuple[Array, Array]:
+        """A point and the direction of everything that is no surface; points are lines whose direction is zero."""
         single = self.transversals
         point = [np.array([t.point for t in single])] if single else []
         direction = [np.array([t.direction for t in single])] if single else []
         point += [self.isolated_points, self.lines.point]
         direction += [np.zeros_like(self.isolated_points), self.lines.direction]
-        return LineAndPointTable(np.concatenate(point), np.concatenate(direction))
+        return np.concatenate(point), np.concatenate(direction)
 
     def distance_arrays(self, camera_center: npt.ArrayLike) -> DistanceArrays:
         """Return the distances to all parts of the set in the order of locus_names; for every control cycle.
@@ -144,13 +146,16 @@ class SingularSet:
         Raises:
             GeometryError: If camera_center is not three finite numbers.
         """
-        center = checked_array("camera_center", camera_center, (3,))
-        closest = self._table.closest_points(center)
+        center = shaped_array("camera_center", camera_center, (3,))
+        point, direction = self._lines_and_points
+        m, k = len(point), len(point) + len(self.surfaces)
+        closest, distance = np.empty((k, 3)), np.empty(k)
+        if not kernels.distances(point, direction, center, closest[:m], distance[:m]):
+            checked_array("camera_center", camera_center, (3,))
         if self.surfaces:
-            steps = [surface.first_order_closest_point(center) for surface in self.surfaces]
-            closest = np.concatenate([closest, steps])
-        offset = closest - center
-        return DistanceArrays(np.sqrt(np.einsum("ij,ij->i", offset, offset)), closest)
+            closest[m:] = [surface.first_order_closest_point(center) for surface in self.surfaces]
+            distance[m:] = np.linalg.norm(closest[m:] - center, axis=1)
+        return DistanceArrays(distance, closest)
 
     def distances(self, camera_center: npt.ArrayLike) -> list[LocusDistance]:
         """Return the distances to all parts of the set, nearest first; equal ones in the order of locus_names.

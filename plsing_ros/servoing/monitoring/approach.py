@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import enum
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from plsing_ros import kernels
 from plsing_ros.arrays import Array
 from plsing_ros.singularities import DistanceArrays, Kind, LocusDistance, SingularSet
 
@@ -17,6 +17,8 @@ _AT_REST = 1e-9  # [m/s]
 _ALONG = 0.02
 # Nearer in time than this to the closest point, the camera is passing.
 _PASSING = 0.1  # [s]
+# See kernels.approach.
+_LEFT_OUT = -1.0
 
 
 class Trend(enum.IntEnum):
@@ -57,18 +59,13 @@ class ApproachTable:
 
     def __init__(self, found: SingularSet) -> None:
         self._names, self._kinds = found.locus_names, found.locus_kinds
-        observed = np.array([kind is Kind.OBSERVED_LINE for kind in self._kinds], dtype=bool)
-        self._is_empty = bool(observed.all())
+        self._role = np.array([_role(kind) for kind in self._kinds])
+        self._is_empty = not (self._role != _LEFT_OUT).any()
         # Added to distances, it leaves the observed lines out.
-        self._left_out = np.where(observed, np.inf, 0.0)
-        along = np.zeros((len(observed), 3))
+        self._left_out = np.where(self._role == _LEFT_OUT, np.inf, 0.0)
+        self._direction = np.zeros((len(self._kinds), 3))
         for i, transversal in enumerate(found.transversals):
-            along[i] = transversal.direction
-        self._along = along
-        self._is_surface = np.array(
-            [kind in (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC) for kind in self._kinds], dtype=bool
-        )
-        self._has_surfaces = bool(self._is_surface.any())
+            self._direction[i] = transversal.direction
 
     def nearest(self, arrays: DistanceArrays) -> LocusDistance | None:
         """Return the nearest part, or None if there is none."""
@@ -90,34 +87,29 @@ class ApproachTable:
         """
         if self._is_empty:
             return Trend.UNKNOWN, None
-        speed = math.sqrt(float(velocity @ velocity))
-        if speed < _AT_REST:
-            return Trend.STEADY, None
-        distance = arrays.distance
-        # Only what moves the camera across a locus changes its distance, and the way to the closest point is across.
-        closing = (arrays.closest_point - center) @ velocity
-        along = self._along @ velocity
-        square = speed * speed - along * along
-        if self._has_surfaces:
-            # To a plane the distance changes along its normal only.
-            square = np.where(self._is_surface, (closing / np.maximum(distance, 1e-300)) ** 2, square)
-        square[square <= (_ALONG * speed) ** 2] = np.inf
-        time = closing / square
-        nearest = int((distance + self._left_out).argmin())
-        trend = Trend.STEADY
-        if square[nearest] < math.inf:
-            t = float(time[nearest])
-            rate = float(closing[nearest]) / max(float(distance[nearest]), 1e-300)
-            if abs(t) <= _PASSING:
-                trend = Trend.PASSING
-            elif abs(rate) > _ALONG * speed:
-                trend = Trend.APPROACHING if t > 0.0 else Trend.LEAVING
-        # Pythagoras: of the offset, what the motion does not close.
-        least = distance * distance - time * closing + self._left_out
-        least[(time <= 0.0) | (time > horizon)] = np.inf
-        row = int(least.argmin())
-        if not math.isfinite(least[row]):
-            return trend, None
-        return trend, Approach(
-            self._kinds[row], self._names[row], math.sqrt(max(float(least[row]), 0.0)), float(time[row])
+        found = np.empty(4)
+        row = kernels.approach(
+            arrays.closest_point,
+            arrays.distance,
+            self._direction,
+            self._role,
+            center,
+            velocity,
+            found,
+            horizon,
+            _AT_REST,
+            _ALONG,
         )
+        nearest_time, nearest_rate, time, distance = found.tolist()
+        trend = Trend.STEADY
+        if abs(nearest_time) <= _PASSING:
+            trend = Trend.PASSING
+        elif abs(nearest_rate) > _ALONG:
+            trend = Trend.APPROACHING if nearest_time > 0.0 else Trend.LEAVING
+        return trend, None if row < 0 else Approach(self._kinds[row], self._names[row], distance, time)
+
+
+def _role(kind: Kind) -> float:
+    if kind is Kind.OBSERVED_LINE:
+        return _LEFT_OUT
+    return 1.0 if kind in (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC) else 0.0

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 
-import numpy as np
-
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.geometry import LineSet, Pose, align_lines
 from plsing_ros.geometry.line_alignment import lines_to_reverse, reversed_lines
@@ -50,7 +48,7 @@ class CameraPosition:
         else:
             try:
                 aligned = align_lines(scene, lines)
-            except (GeometryError, np.linalg.LinAlgError):
+            except GeometryError:
                 return None, ""
             pose, source = aligned.T_scene_camera, "features"
             if aligned.angle > _LARGEST_MISFIT:

@@ -6,9 +6,6 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from plsing_ros.arrays import Array
 from plsing_ros.features import Conditioning, LineObservation
 from plsing_ros.features.observation import LinesVerdict
@@ -75,7 +72,8 @@ class Indicators:
         for name, kinds in _DISTANCES.items():
             rows = [i for i, kind in enumerate(found.locus_kinds) if kind in kinds]
             if rows:
-                self._distances.append((name, np.array(rows, dtype=np.intp), self._thresholds[name]))
+                # The loci of a kind are next to each other.
+                self._distances.append((name, rows[0], rows[-1] + 1, self._thresholds[name]))
 
     def measured(self, numbers: Conditioning, goal_inverse: float | None, distance: Array | None) -> list[Indicator]:
         """Return what is known of the present: conditioning, and distances [m] in the order of the set, if known."""
@@ -100,11 +98,11 @@ class Indicators:
         text = lambda: f"smallest singular value {smallest:.4g}"  # noqa: E731
         found.append(Indicator(_SMALLEST, smallest, self._thresholds[_SMALLEST], text))
         if distance is not None:
-            found += [self._distance(name, rows, thresholds, distance) for name, rows, thresholds in self._distances]
+            found += [self._distance(*each, distance) for each in self._distances]
         return found
 
-    def _distance(self, name: str, rows: npt.NDArray[np.intp], thresholds: Thresholds, distance: Array) -> Indicator:
-        row = int(rows[distance.take(rows).argmin()])
+    def _distance(self, name: str, start: int, stop: int, thresholds: Thresholds, distance: Array) -> Indicator:
+        row = start + int(distance[start:stop].argmin())
         value = float(distance[row])
         return Indicator(name, value, thresholds, lambda: f"distance {value:.3f} m from {self._locus_names[row]}", " m")
 

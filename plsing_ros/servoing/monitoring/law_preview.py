@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from plsing_ros import kernels
 from plsing_ros.arrays import Array
-from plsing_ros.servoing.monitoring.law_step import FASTEST, law, lines_after
 
 _SECOND = 1_000_000_000
 # The commanded twist follows the law if their cosine is above this.
@@ -25,6 +25,9 @@ _AS_FORESEEN = 0.02
 _STEPS = 2
 # A speed that comes out of a leap counts this many times.
 _AFTER_LEAP = 1.25
+# Speeds and turns are not followed beyond this; every number that is published is finite.
+_FASTEST = 1e9  # [m/s], [rad/s]
+_LEAST_DEPTH = 1e-9  # [m]
 _SHORTEST_STEP, _LONGEST_STEP = 10_000_000, _SECOND // 2  # [ns]
 
 
@@ -63,7 +66,8 @@ class _Sample(NamedTuple):
     speed: float
 
 
-_NOTHING = _Sample(0, np.zeros((2, 0, 3)), np.zeros(6), 0.0)
+_AT_REST = np.zeros(6)
+_NOTHING = _Sample(0, np.zeros((2, 0, 3)), _AT_REST, 0.0)
 
 
 class LawPreview:
@@ -88,7 +92,8 @@ class LawPreview:
     def _end(self) -> None:
         self._samples: deque[_Sample] = deque()
         self._gain, self._step = 0.0, 0
-        self._fastest = _NOTHING
+        # The fastest sample, and those that will be it when the ones before are past.
+        self._fastest: deque[_Sample] = deque([_NOTHING])
         # Sums of products of foreseen twists with commanded ones and with themselves.
         self._product = self._square = 0.0
         # Of the preview before this one, until this one has got as far.
@@ -113,16 +118,13 @@ class LawPreview:
         if previous is None or sight.stamp <= previous.stamp:
             return self._ahead(sight.stamp) if self._samples else None
         commanded_for = previous if twist_stamp - previous.stamp < sight.stamp - twist_stamp else sight
-        try:
-            if not self._as_foreseen(sight, twist, commanded_for.stamp):
-                self._begin(sight, desired, twist, commanded_for, sight.stamp - previous.stamp)
-        except np.linalg.LinAlgError:
-            self._end()
+        if not self._as_foreseen(sight, twist, commanded_for.stamp):
+            self._begin(sight, desired, twist, commanded_for, sight.stamp - previous.stamp)
         if not self._samples:
             return None
         end = sight.stamp + round(horizon * _SECOND)
         for _ in range(_STEPS):
-            if self._samples[-1].stamp >= end or self._samples[-1].speed >= FASTEST:
+            if self._samples[-1].stamp >= end or self._samples[-1].speed >= _FASTEST:
                 break
             self._go_on(desired)
         return self._ahead(sight.stamp)
@@ -148,55 +150,66 @@ class LawPreview:
         return _SLOPE[0] * self._square <= self._product <= _SLOPE[1] * self._square
 
     def _begin(self, sight: Sight, desired: Array, twist: Array, commanded_for: Sight, period: int) -> None:
-        gain = _projection(law(commanded_for.lines(), desired), twist)
-        if gain is None:
-            # Noise can hide the law in one twist; then what the latest ones said still holds.
-            gain = self._gain
-        if gain == 0.0:
+        law = _law_step(commanded_for.lines(), _AT_REST, 0.0, desired, 1.0)
+        # Noise can hide the law in one twist; then what the latest ones said still holds.
+        gain = 0.0 if law is None else _projection(law[1], twist) or self._gain
+        now = _law_step(sight.lines(), _AT_REST, 0.0, desired, gain) if gain else None
+        if now is None:
             self._end()
             return
         if self._samples:
-            self._before = (self._fastest.speed, self._fastest.stamp)
+            self._before = (self._fastest[0].speed, self._fastest[0].stamp)
         self._gain = gain
-        self._samples.clear()
         self._step = min(max(period, _SHORTEST_STEP), _LONGEST_STEP)
-        self._fastest = self._sample(sight.stamp, sight.lines(), desired)
-        self._samples.append(self._fastest)
+        self._samples.clear()
+        self._fastest.clear()
+        self._append(_Sample(sight.stamp, *now, _speed(now[1])))
 
     def _go_on(self, desired: Array) -> None:
         last = self._samples[-1]
         stamp = last.stamp + self._step
-        try:
-            sample = self._sample(stamp, lines_after(last.lines, last.twist * (self._step / _SECOND)), desired)
-            change = sample.twist - last.twist
-            if change @ change > last.twist @ last.twist:
-                # Across a singularity in one step: where the camera lands on the other side is a matter of rounding.
-                sample = sample._replace(speed=_AFTER_LEAP * sample.speed)
-        except np.linalg.LinAlgError:
+        ahead = _law_step(last.lines, last.twist, self._step / _SECOND, desired, self._gain)
+        if ahead is None:
             # The preview ran into a singularity: as fast as it gets.
-            sample = _Sample(stamp, last.lines, last.twist, FASTEST)
-        self._samples.append(sample)
-        if sample.speed > self._fastest.speed:
-            self._fastest = sample
+            self._append(_Sample(stamp, last.lines, last.twist, _FASTEST))
+            return
+        lines, twist = ahead
+        speed, before = _speed(twist), last.twist.tolist()
+        if math.dist(twist.tolist(), before) > math.hypot(*before):
+            # Across a singularity in one step: where the camera lands on the other side is a matter of rounding.
+            speed *= _AFTER_LEAP
+        self._append(_Sample(stamp, lines, twist, speed))
 
-    def _sample(self, stamp: int, lines: Array, desired: Array) -> _Sample:
-        twist = self._gain * law(lines, desired)
-        return _Sample(stamp, lines, twist, min(math.sqrt(float(twist[:3] @ twist[:3])), FASTEST))
+    def _append(self, sample: _Sample) -> None:
+        self._samples.append(sample)
+        while self._fastest and self._fastest[-1].speed < sample.speed:
+            self._fastest.pop()
+        self._fastest.append(sample)
 
     def _ahead(self, now: int) -> Expected:
-        if self._fastest.stamp < self._samples[0].stamp:
-            self._fastest = max(self._samples, key=lambda each: each.speed)
-        speed, stamp = self._fastest.speed, self._fastest.stamp
+        while self._fastest[0].stamp < self._samples[0].stamp:
+            self._fastest.popleft()
+        speed, stamp = self._fastest[0].speed, self._fastest[0].stamp
         if self._before[1] > self._samples[-1].stamp and self._before[0] > speed:
             speed, stamp = self._before
         return Expected(speed, max(stamp - now, 0) / _SECOND)
 
 
+def _law_step(lines: Array, twist: Array, duration: float, desired: Array, gain: float) -> tuple[Array, Array] | None:
+    """Return lines (2, n, 3) after a motion and the twist that the law commands there, or None if it has none."""
+    moved, next_twist = np.empty(lines.shape), np.empty(6)
+    if not kernels.law_step(lines, desired, twist, moved, next_twist, duration, gain, _LEAST_DEPTH, _FASTEST):
+        return None
+    return moved, next_twist
+
+
+def _speed(twist: Array) -> float:
+    return min(math.hypot(*twist[:3].tolist()), _FASTEST)
+
+
 def is_alike(lines: Array, image: Array) -> bool:
     """Return whether lines in the camera frame (2, n, 3) have about these image lines (n, 3)."""
-    moment = lines[1]
-    deviation = (moment / np.hypot(moment[:, 0], moment[:, 1])[:, np.newaxis] - image).ravel()
-    return bool(deviation @ deviation <= len(image) * _AS_FORESEEN**2)
+    return kernels.image_deviation(lines[1], image) <= len(image) * _AS_FORESEEN**2
 
 
 def _projection(law_twist: Array, twist: Array) -> float | None:

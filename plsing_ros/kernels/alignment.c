@@ -1,0 +1,110 @@
+/* The pose of a camera from lines that it sees and the same lines in the scene. */
+
+#include "kernels.h"
+
+#include <math.h>
+#include <string.h>
+
+#define LINES_ON_STACK 64
+
+static double determinant(const double *m)
+{
+    return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
+}
+
+static void rotated(const double *rotation, const double *v, double *result)
+{
+    for (int i = 0; i < 3; i++)
+        result[i] = rotation[3 * i] * v[0] + rotation[3 * i + 1] * v[1] + rotation[3 * i + 2] * v[2];
+}
+
+static double smallest_cosine(const double *u, const double *rotation, const double *seen, Py_ssize_t n)
+{
+    double least = INFINITY, turned[3];
+    for (; n > 0; n--, u += 3, seen += 3) {
+        rotated(rotation, seen, turned);
+        least = fmin(least, u[0] * turned[0] + u[1] * turned[1] + u[2] * turned[2]);
+    }
+    return least;
+}
+
+PyObject *least_cosine(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    static const int columns[] = {3, -9, 3};
+    Py_buffer buffers[3];
+    (void)self;
+    if (!are_arguments(count, 3))
+        return NULL;
+    Py_ssize_t n = take_arrays(args, columns, 3, 0, buffers);
+    if (n < 0)
+        return NULL;
+    double least = smallest_cosine(buffers[0].buf, buffers[1].buf, buffers[2].buf, n);
+    release_arrays(buffers, 3);
+    return PyFloat_FromDouble(least);
+}
+
+/* Fill the rotation that brings the directions `v` together best with `u`, and return the second singular value of
+ * their correlation, or -1 if they are not finite. */
+static double best_rotation(const double *u, const double *v, Py_ssize_t n, double *rotation)
+{
+    double correlation[9] = {0.0}, left[9], values[3], right[9];
+    struct decomposition d;
+    for (; n > 0; n--, u += 3, v += 3)
+        for (int i = 0; i < 9; i++)
+            correlation[i] += u[i / 3] * v[i % 3];
+    int good = decompose(correlation, 3, 3, &d, values, right);
+    if (good)
+        left_vectors(&d, left);
+    release_decomposition(&d);
+    if (!good)
+        return -1.0;
+    double sign = determinant(left) * determinant(right) < 0.0 ? -1.0 : 1.0;
+    for (int i = 0; i < 9; i++)
+        rotation[i] = left[i / 3 * 3] * right[i % 3] + left[i / 3 * 3 + 1] * right[3 + i % 3] +
+                      sign * left[i / 3 * 3 + 2] * right[6 + i % 3];
+    return values[1];
+}
+
+PyObject *align(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    static const int columns[] = {3, 3, 3, 3, -9, -3, -3};
+    Py_buffer buffers[7];
+    (void)self;
+    if (!are_arguments(count, 7))
+        return NULL;
+    Py_ssize_t n = take_arrays(args, columns, 7, 3, buffers);
+    if (n < 0)
+        return NULL;
+    const double *u = buffers[0].buf, *l = buffers[1].buf, *seen_u = buffers[2].buf, *seen_l = buffers[3].buf;
+    double *rotation = buffers[4].buf, *t = buffers[5].buf, *quality = buffers[6].buf;
+    double on_stack[12 * LINES_ON_STACK];
+    double *room = n <= LINES_ON_STACK ? on_stack : PyMem_RawMalloc(12 * n * sizeof(double));
+    int good = 0;
+    quality[0] = best_rotation(u, seen_u, n, rotation);
+    if (room && quality[0] >= 0.0) {
+        quality[1] = smallest_cosine(u, rotation, seen_u, n);
+        /* t x u = l - R l_seen, three rows for each line. */
+        double *right_side = room + 9 * n, values[3], right[9], components[3];
+        for (Py_ssize_t i = 0; i < n; i++) {
+            const double *d = u + 3 * i;
+            double crossed[9] = {0.0, d[2], -d[1], -d[2], 0.0, d[0], d[1], -d[0], 0.0};
+            memcpy(room + 9 * i, crossed, sizeof crossed);
+            rotated(rotation, seen_l + 3 * i, right_side + 3 * i);
+            for (int j = 0; j < 3; j++)
+                right_side[3 * i + j] = l[3 * i + j] - right_side[3 * i + j];
+        }
+        good = solved(room, right_side, 3 * n, 3, 1.0, 0.0, values, right, components, t) &&
+               values[2] > SINGULAR * values[0];
+        double misfit = 0.0;
+        for (Py_ssize_t i = 0; good && i < 3 * n; i++) {
+            const double *row = room + 3 * i;
+            double off = row[0] * t[0] + row[1] * t[1] + row[2] * t[2] - right_side[i];
+            misfit += off * off;
+        }
+        quality[2] = sqrt(misfit / n);
+    }
+    if (room != on_stack)
+        PyMem_RawFree(room);
+    release_arrays(buffers, 7);
+    return PyBool_FromLong(good);
+}

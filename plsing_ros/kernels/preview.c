@@ -1,0 +1,105 @@
+/* One step of the plain law ahead of the camera. */
+
+#include "kernels.h"
+
+#include <math.h>
+
+#define LINES_ON_STACK 32
+
+/* Fill R and t of the screw exp(step). */
+static void exponential(const double *step, double *rotation, double *t)
+{
+    double x = step[3], y = step[4], z = step[5], square = x * x + y * y + z * z;
+    double a = 1.0 - square / 6.0, b = 0.5 - square / 24.0, c = 1.0 / 6.0 - square / 120.0;
+    if (square > 1e-8) {
+        double angle = sqrt(square);
+        a = sin(angle) / angle;
+        b = (1.0 - cos(angle)) / square;
+        c = (angle - sin(angle)) / (square * angle);
+    }
+    /* R = I + a K + b K^2 and t = (I + b K + c K^2) v with K = [omega]x and K^2 = omega omega^T - |omega|^2 I. */
+    double turn[3] = {x, y, z}, along = c * (x * step[0] + y * step[1] + z * step[2]);
+    double skew[3][3] = {{0.0, -z, y}, {z, 0.0, -x}, {-y, x, 0.0}};
+    for (int i = 0; i < 3; i++) {
+        t[i] = (1.0 - c * square) * step[i] + along * turn[i];
+        for (int j = 0; j < 3; j++) {
+            rotation[3 * i + j] = (i == j ? 1.0 - b * square : 0.0) + b * turn[i] * turn[j] + a * skew[i][j];
+            t[i] += b * skew[i][j] * step[j];
+        }
+    }
+}
+
+/* Fill what the camera sees after a step: u R and (l - t x u) R, in rows. */
+static void move_lines(const double *u, const double *l, Py_ssize_t n, const double *step, double *new_u, double *new_l)
+{
+    double R[9], t[3];
+    exponential(step, R, t);
+    for (; n > 0; n--, u += 3, l += 3, new_u += 3, new_l += 3) {
+        double shifted[3] = {l[0] - t[1] * u[2] + t[2] * u[1], l[1] - t[2] * u[0] + t[0] * u[2],
+                             l[2] - t[0] * u[1] + t[1] * u[0]};
+        for (int j = 0; j < 3; j++) {
+            new_u[j] = u[0] * R[j] + u[1] * R[3 + j] + u[2] * R[6 + j];
+            new_l[j] = shifted[0] * R[j] + shifted[1] * R[3 + j] + shifted[2] * R[6 + j];
+        }
+    }
+}
+
+PyObject *law_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    static const int columns[] = {6, 3, -6, 6, -6};
+    Py_buffer buffers[5];
+    double duration, gain, least_depth, fastest;
+    (void)self;
+    if (!are_arguments(count, 9) || !take_number(args[5], &duration) || !take_number(args[6], &gain) ||
+        !take_number(args[7], &least_depth) || !take_number(args[8], &fastest))
+        return NULL;
+    Py_ssize_t n = take_arrays(args, columns, 5, 2, buffers);
+    if (n < 0)
+        return NULL;
+    const double *lines = buffers[0].buf, *desired = buffers[1].buf, *twist = buffers[2].buf;
+    double *u = buffers[3].buf, *l = u + 3 * n, *next = buffers[4].buf;
+    double on_stack[21 * LINES_ON_STACK], step[6], values[6], right[36], components[6];
+    double *matrix = n <= LINES_ON_STACK ? on_stack : PyMem_RawMalloc(21 * n * sizeof(double)), *error = matrix + 18 * n;
+    for (int i = 0; i < 6; i++)
+        step[i] = twist[i] * duration;
+    move_lines(lines, lines + 3 * n, n, step, u, l);
+    int good = matrix && fill_interaction_matrix(u, l, n, least_depth, matrix);
+    for (Py_ssize_t i = 0; good && i < n; i++) {
+        const double *moment = l + 3 * i;
+        double depth = hypot(moment[0], moment[1]);
+        for (int j = 0; j < 3; j++)
+            error[3 * i + j] = moment[j] / depth - desired[3 * i + j];
+    }
+    good = good && solved(matrix, error, 3 * n, 6, -1.0, 0.0, values, right, components, next) &&
+           values[5] > SINGULAR * values[0];
+    double square = 0.0;
+    for (int i = 0; good && i < 6; i++) {
+        square += next[i] * next[i];
+        next[i] *= gain;
+    }
+    if (matrix != on_stack)
+        PyMem_RawFree(matrix);
+    release_arrays(buffers, 5);
+    return PyBool_FromLong(good && square < fastest * fastest);
+}
+
+PyObject *image_deviation(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    static const int columns[] = {3, 3};
+    Py_buffer buffers[2];
+    (void)self;
+    if (!are_arguments(count, 2))
+        return NULL;
+    Py_ssize_t n = take_arrays(args, columns, 2, 0, buffers);
+    if (n < 0)
+        return NULL;
+    const double *l = buffers[0].buf, *image = buffers[1].buf;
+    double sum = 0.0;
+    for (; n > 0; n--, l += 3, image += 3) {
+        double depth = hypot(l[0], l[1]);
+        for (int i = 0; i < 3; i++)
+            sum += (l[i] / depth - image[i]) * (l[i] / depth - image[i]);
+    }
+    release_arrays(buffers, 2);
+    return PyFloat_FromDouble(sum);
+}
