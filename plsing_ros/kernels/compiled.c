@@ -17,6 +17,7 @@ static PyMethodDef methods[] = {
     METHOD(is_rotation),
     METHOD(law_step),
     METHOD(least_cosine),
+    METHOD(lines_seen),
     METHOD(mean_interaction),
     METHOD(plain_law),
     METHOD(pose_uncertainty),

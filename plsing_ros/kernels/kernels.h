@@ -136,6 +136,7 @@ FUNCTION(interaction_matrix);
 FUNCTION(is_rotation);
 FUNCTION(law_step);
 FUNCTION(least_cosine);
+FUNCTION(lines_seen);
 FUNCTION(mean_interaction);
 FUNCTION(plain_law);
 FUNCTION(pose_uncertainty);

@@ -25,10 +25,8 @@ static double subtracted(const double *a, const double *b, Py_ssize_t n, double 
     return norm_of(difference, n);
 }
 
-/* Fill the singular values (k), the right singular vectors (k, k), the components (k) and the solution (k), as in the
- * Python file; return whether matrix (m, k) and singular values are finite. */
 int solved(const double *matrix, const double *right_side, Py_ssize_t m, int k, double factor, double threshold,
-                  double *values, double *right, double *components, double *solution)
+           double *values, double *right, double *components, double *solution)
 {
     struct decomposition d;
     int good = decompose(matrix, m, k, &d, values, right);

@@ -5,7 +5,7 @@ from plsing_ros.kernels.interaction import interaction_matrix, mean_interaction
 from plsing_ros.kernels.least_squares import plain_law, solve, subtract
 from plsing_ros.kernels.lines import are_image_lines, are_lines, have_images, is_rotation
 from plsing_ros.kernels.loci import approach, distances
-from plsing_ros.kernels.preview import image_deviation, law_step
+from plsing_ros.kernels.preview import image_deviation, law_step, lines_seen
 from plsing_ros.kernels.refinement import refine_poses
 from plsing_ros.kernels.residuals import image_jacobians, image_residuals
 from plsing_ros.kernels.search import search_poses
@@ -27,6 +27,7 @@ __all__ = [
     "is_rotation",
     "law_step",
     "least_cosine",
+    "lines_seen",
     "mean_interaction",
     "plain_law",
     "pose_uncertainty",

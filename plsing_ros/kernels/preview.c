@@ -29,11 +29,10 @@ static void exponential(const double *step, double *rotation, double *t)
     }
 }
 
-/* Fill what the camera sees after a step: u R and (l - t x u) R, in rows. */
-static void move_lines(const double *u, const double *l, Py_ssize_t n, const double *step, double *new_u, double *new_l)
+/* Fill lines in a frame whose pose is (R, t): u R and (l - t x u) R, in rows. */
+static void move_lines(const double *u, const double *l, Py_ssize_t n, const double *R, const double *t, double *new_u,
+                       double *new_l)
 {
-    double R[9], t[3];
-    exponential(step, R, t);
     for (; n > 0; n--, u += 3, l += 3, new_u += 3, new_l += 3) {
         double shifted[3] = {l[0] - t[1] * u[2] + t[2] * u[1], l[1] - t[2] * u[0] + t[0] * u[2],
                              l[2] - t[0] * u[1] + t[1] * u[0]};
@@ -58,11 +57,12 @@ PyObject *law_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
         return NULL;
     const double *lines = buffers[0].buf, *desired = buffers[1].buf, *twist = buffers[2].buf;
     double *u = buffers[3].buf, *l = u + 3 * n, *next = buffers[4].buf;
-    double on_stack[21 * LINES_ON_STACK], step[6], values[6], right[36], components[6];
+    double on_stack[21 * LINES_ON_STACK], step[6], R[9], t[3], values[6], right[36], components[6];
     double *matrix = n <= LINES_ON_STACK ? on_stack : PyMem_RawMalloc(21 * n * sizeof(double)), *error = matrix + 18 * n;
     for (int i = 0; i < 6; i++)
         step[i] = twist[i] * duration;
-    move_lines(lines, lines + 3 * n, n, step, u, l);
+    exponential(step, R, t);
+    move_lines(lines, lines + 3 * n, n, R, t, u, l);
     int good = matrix && fill_interaction_matrix(u, l, n, least_depth, matrix);
     for (Py_ssize_t i = 0; good && i < n; i++) {
         const double *moment = l + 3 * i;
@@ -81,6 +81,22 @@ PyObject *law_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
         PyMem_RawFree(matrix);
     release_arrays(buffers, 5);
     return PyBool_FromLong(good && square < fastest * fastest);
+}
+
+PyObject *lines_seen(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    static const int columns[] = {3, 3, -9, -3, 6};
+    Py_buffer buffers[5];
+    (void)self;
+    if (!are_arguments(count, 5))
+        return NULL;
+    Py_ssize_t n = take_arrays(args, columns, 5, 1, buffers);
+    if (n < 0)
+        return NULL;
+    double *seen = buffers[4].buf;
+    move_lines(buffers[0].buf, buffers[1].buf, n, buffers[2].buf, buffers[3].buf, seen, seen + 3 * n);
+    release_arrays(buffers, 5);
+    Py_RETURN_NONE;
 }
 
 PyObject *image_deviation(PyObject *self, PyObject *const *args, Py_ssize_t count)

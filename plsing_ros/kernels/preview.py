@@ -73,9 +73,22 @@ def move_lines(lines: Array, step: Array, moved: Array) -> None:
     # R = I + a K + b K^2 and t = (I + b K + c K^2) v with K = [omega]x and K^2 = omega omega^T - |omega|^2 I.
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     squared = skew @ skew
-    rotation = np.eye(3) + a * skew + b * squared
-    tx, ty, tz = (np.eye(3) + b * skew + c * squared) @ (vx, vy, vz)
+    translation = (np.eye(3) + b * skew + c * squared) @ (vx, vy, vz)
+    lines_seen(lines[0], lines[1], np.eye(3) + a * skew + b * squared, translation, moved)
+
+
+def lines_seen(direction: Array, moment: Array, rotation: Array, translation: Array, seen: Array) -> None:
+    """Fill lines in the frame of a camera.
+
+    Args:
+        direction: In the scene frame, shape (n, 3).
+        moment: Likewise, shape (n, 3) [m].
+        rotation: Of T_scene_camera, shape (3, 3).
+        translation: Likewise, shape (3,) [m].
+        seen: Filled with direction and moment in the camera frame, shape (2, n, 3).
+    """
+    tx, ty, tz = translation.tolist()
     # Rows times this are u x t, so that the moments become l - t x u.
     shift = np.array([[0.0, -tz, ty], [tz, 0.0, -tx], [-ty, tx, 0.0]])
-    moved[0] = lines[0] @ rotation
-    moved[1] = (lines[1] + lines[0] @ shift) @ rotation
+    seen[0] = direction @ rotation
+    seen[1] = (moment + direction @ shift) @ rotation

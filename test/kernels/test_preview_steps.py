@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 from hypothesis import assume, given
-from strategies import numbers, poses, seen_lines, twists
+from strategies import line_sets, numbers, poses, seen_lines, twists
 
 from plsing_ros.features import degenerate_projections, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
@@ -106,6 +106,15 @@ def test_many_lines_agree(lines):
         assert compiled_one is of_numpy_one or np.linalg.matrix_rank(interaction_matrix(lines), tol=1e-9) < 6
         return
     np.testing.assert_allclose(compiled_one[0], of_numpy_one[0], atol=1e-12)
+
+
+@BOTH
+@given(lines=line_sets(), pose=poses())
+def test_lines_seen_are_the_transformed_ones(the, lines, pose):
+    seen = np.empty((2, len(lines), 3))
+    the.lines_seen(lines.direction, lines.moment, pose.rotation, pose.translation, seen)
+    expected = lines.transformed(pose.inverse(), "camera")
+    np.testing.assert_allclose(seen, [expected.direction, expected.moment], atol=1e-13)
 
 
 @BOTH

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from plsing_ros.arrays import Array, cross
+from plsing_ros import kernels
+from plsing_ros.arrays import Array
 from plsing_ros.features import Factorisation, LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_alignment import matched
@@ -103,7 +104,7 @@ class Foresight:
             self.interrupt()
             self._ids = lines.ids
         image = observation.usable_image_lines
-        sight = Sight(stamp, image, lambda: _best_lines(lines, image, pose, scene))
+        sight = _sight(stamp, lines, image, pose, scene)
         twist = self.recent_twist(stamp, parameters.twist_timeout)
         expected = None
         if twist is None or self._first_speed == 0.0 or self._twist is None:
@@ -121,7 +122,7 @@ class Foresight:
         self.rules = self._patience >= 0
         if expected is None:
             return None
-        return Expected(max(expected.speed, parameters.least_speed) / self._first_speed, expected.time)
+        return expected._replace(speed=max(expected.speed, parameters.least_speed) / self._first_speed)
 
     def _desired(self, goal: Goal | None, twist: Array, twist_stamp: int) -> Array | None:
         """Return s* as rows, shape (n, 3): that of the goal, or else what the twists tell."""
@@ -133,12 +134,12 @@ class Foresight:
         return self._search.desired
 
 
-def _best_lines(lines: LineSet, image: Array, pose: Pose | None, scene: LineSet) -> Array:
-    """Return the scene's lines in the camera frame if they have that image, else those seen: the scene has no noise."""
+def _sight(stamp: int, lines: LineSet, image: Array, pose: Pose | None, scene: LineSet) -> Sight:
+    """Return what is known: the scene's lines in the camera frame if they have that image, else those seen."""
     seen: Array = np.array([lines.direction, lines.moment])
-    if pose is None:
-        return seen
-    of_scene = matched(scene, lines)
-    moment = of_scene.moment - cross(pose.translation, of_scene.direction)
-    expected: Array = np.array([of_scene.direction, moment]) @ pose.rotation
-    return expected if is_alike(expected, image) else seen
+    if pose is not None:
+        of_scene, expected = matched(scene, lines), np.empty(seen.shape)
+        kernels.lines_seen(of_scene.direction, of_scene.moment, pose.rotation, pose.translation, expected)
+        if is_alike(expected, image):
+            return Sight(stamp, image, expected, seen - expected)
+    return Sight(stamp, image, seen)

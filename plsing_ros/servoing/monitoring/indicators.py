@@ -118,9 +118,9 @@ class Indicators:
         """
         soon, what = math.inf, "the critical inverse condition number"
         if growth is not None:
-            times, after = growth
-            value = 1.0 / times
-            text = lambda: f"speed expected in {after:.2f} s, {times:.3g} times that at the start,"  # noqa: E731
+            times, after, with_noise = growth
+            value, what_for = 1.0 / times, "possible with the features' noise" if with_noise else "expected"
+            text = lambda: f"speed {what_for} in {after:.2f} s, {times:.3g} times that at the start,"  # noqa: E731
         else:
             value, text = math.inf, lambda: "speed, no longer predicted,"
             # Without the law, only where the motion leads if it goes on as it is.

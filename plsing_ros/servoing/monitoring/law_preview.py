@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,12 @@ _AS_FORESEEN = 0.02
 _STEPS = 2
 # A speed that comes out of a leap counts this many times.
 _AFTER_LEAP = 1.25
+# At each step the law is also asked what it would command with the noise of so many of the latest frames; the largest
+# change of speed counts so many times, because other noise may do more.
+_REHEARSALS, _WITH_NOISE = 2, 2.0
+_REMEMBERED_FRAMES = 25
+# Less than this is rounding [1, m].
+_LEAST_NOISE = 1e-9
 # Speeds and turns are not followed beyond this; every number that is published is finite.
 _FASTEST = 1e9  # [m/s], [rad/s]
 _LEAST_DEPTH = 1e-9  # [m]
@@ -37,10 +42,12 @@ class Expected(NamedTuple):
     Attributes:
         speed: Linear speed [m/s], a quarter more after a leap across a singularity.
         time: Until then [s].
+        with_noise: Whether more than half of it is what noise of the features, as it was lately, may add.
     """
 
     speed: float
     time: float
+    with_noise: bool = False
 
 
 class Sight(NamedTuple):
@@ -49,12 +56,14 @@ class Sight(NamedTuple):
     Attributes:
         stamp: [ns].
         image: The image lines, shape (n, 3).
-        lines: Returns the best that is known of the lines in the camera frame: direction and moment, shape (2, n, 3).
+        lines: The best that is known of the lines in the camera frame: direction and moment, shape (2, n, 3).
+        error: By how much those that are seen differ from them, shape (2, n, 3), or None if it is not known.
     """
 
     stamp: int
     image: Array
-    lines: Callable[[], Array]
+    lines: Array
+    error: Array | None = None
 
 
 class _Sample(NamedTuple):
@@ -64,9 +73,11 @@ class _Sample(NamedTuple):
     lines: Array
     twist: Array
     speed: float
+    with_noise: bool = False
 
 
 _AT_REST = np.zeros(6)
+_SQRT_HALF = math.sqrt(0.5)
 _NOTHING = _Sample(0, np.zeros((2, 0, 3)), _AT_REST, 0.0)
 
 
@@ -76,7 +87,7 @@ class LawPreview:
     What the camera sees, the goal and the twist that is really commanded are the only inputs: the gain is read off the
     twist. As long as the camera sees what was foreseen, one step in each cycle keeps the preview ahead; otherwise it
     begins anew from what is seen. A twist in another direction than the law's ends the preview, because it then says
-    nothing about what comes.
+    nothing about what comes. Each step is rehearsed with the noise of the latest features, too, if it is known.
 
     Source: new, docs/monitor.md.
     """
@@ -87,6 +98,7 @@ class LawPreview:
     def clear(self) -> None:
         """Forget everything: another goal, other lines, or features that were missing."""
         self._previous: Sight | None = None
+        self._noise: deque[Array] = deque(maxlen=_REMEMBERED_FRAMES)
         self._end()
 
     def _end(self) -> None:
@@ -97,11 +109,12 @@ class LawPreview:
         # Sums of products of foreseen twists with commanded ones and with themselves.
         self._product = self._square = 0.0
         # Of the preview before this one, until this one has got as far.
-        self._before: tuple[float, int] = (0.0, 0)
+        self._before = _NOTHING
 
     def rest(self, sight: Sight) -> None:
         """Note what the camera sees while no law moves it."""
         self._end()
+        self._note_noise(sight)
         self._previous = sight
 
     def advance(self, sight: Sight, desired: Array, twist: Array, twist_stamp: int, horizon: float) -> Expected | None:
@@ -114,6 +127,7 @@ class LawPreview:
             twist_stamp: Of the features it was commanded for [ns].
             horizon: How far to look ahead [s].
         """
+        self._note_noise(sight)
         previous, self._previous = self._previous, sight
         if previous is None or sight.stamp <= previous.stamp:
             return self._ahead(sight.stamp) if self._samples else None
@@ -150,15 +164,15 @@ class LawPreview:
         return _SLOPE[0] * self._square <= self._product <= _SLOPE[1] * self._square
 
     def _begin(self, sight: Sight, desired: Array, twist: Array, commanded_for: Sight, period: int) -> None:
-        law = _law_step(commanded_for.lines(), _AT_REST, 0.0, desired, 1.0)
+        law = _law_step(commanded_for.lines, _AT_REST, 0.0, desired, 1.0)
         # Noise can hide the law in one twist; then what the latest ones said still holds.
         gain = 0.0 if law is None else _projection(law[1], twist) or self._gain
-        now = _law_step(sight.lines(), _AT_REST, 0.0, desired, gain) if gain else None
+        now = _law_step(sight.lines, _AT_REST, 0.0, desired, gain) if gain else None
         if now is None:
             self._end()
             return
         if self._samples:
-            self._before = (self._fastest[0].speed, self._fastest[0].stamp)
+            self._before = self._fastest[0]
         self._gain = gain
         self._step = min(max(period, _SHORTEST_STEP), _LONGEST_STEP)
         self._samples.clear()
@@ -178,7 +192,27 @@ class LawPreview:
         if math.dist(twist.tolist(), before) > math.hypot(*before):
             # Across a singularity in one step: where the camera lands on the other side is a matter of rounding.
             speed *= _AFTER_LEAP
-        self._append(_Sample(stamp, lines, twist, speed))
+        by_noise = _WITH_NOISE * self._speed_by_noise(lines, twist, desired)
+        self._append(_Sample(stamp, lines, twist, min(speed + by_noise, _FASTEST), by_noise > speed))
+
+    def _note_noise(self, sight: Sight) -> None:
+        """Remember the noise of what is seen; between two frames, what is wrong with the pose falls out."""
+        previous = self._previous
+        if previous is None or previous.error is None or sight.error is None or sight.stamp <= previous.stamp:
+            return
+        noise = (sight.error - previous.error) * _SQRT_HALF
+        if np.abs(noise).max() > _LEAST_NOISE:
+            self._noise.append(noise)
+
+    def _speed_by_noise(self, lines: Array, twist: Array, desired: Array) -> float:
+        """Return by how much the speed changes if the law sees the lines with the noise of the latest frames [m/s]."""
+        change = 0.0
+        for _ in range(_REHEARSALS if self._noise else 0):
+            self._noise.rotate()
+            noisy = _law_step(lines + self._noise[0], _AT_REST, 0.0, desired, self._gain)
+            if noisy is not None:
+                change = max(change, _speed(noisy[1] - twist))
+        return change
 
     def _append(self, sample: _Sample) -> None:
         self._samples.append(sample)
@@ -189,10 +223,10 @@ class LawPreview:
     def _ahead(self, now: int) -> Expected:
         while self._fastest[0].stamp < self._samples[0].stamp:
             self._fastest.popleft()
-        speed, stamp = self._fastest[0].speed, self._fastest[0].stamp
-        if self._before[1] > self._samples[-1].stamp and self._before[0] > speed:
-            speed, stamp = self._before
-        return Expected(speed, max(stamp - now, 0) / _SECOND)
+        fastest = self._fastest[0]
+        if self._before.stamp > self._samples[-1].stamp and self._before.speed > fastest.speed:
+            fastest = self._before
+        return Expected(fastest.speed, max(fastest.stamp - now, 0) / _SECOND, fastest.with_noise)
 
 
 def _law_step(lines: Array, twist: Array, duration: float, desired: Array, gain: float) -> tuple[Array, Array] | None:

@@ -32,7 +32,7 @@ def loop(frames, period=0.04, gain=0.1, start=START):
 
 
 def sight(stamp, lines):
-    return Sight(stamp, project_lines(lines).reshape(-1, 3), lambda: np.array([lines.direction, lines.moment]))
+    return Sight(stamp, project_lines(lines).reshape(-1, 3), np.array([lines.direction, lines.moment]))
 
 
 def previews(frames, horizon=1.0, turn=1.0, **options):
@@ -102,3 +102,49 @@ def test_a_camera_that_is_carried_elsewhere_is_followed_from_there():
             found = preview.advance(sight(stamp, lines), DESIRED.reshape(-1, 3), *before, 0.5)
         before = twist, stamp
     assert found.speed == pytest.approx(calm, rel=0.3)
+
+
+def noisy_previews(noise, bias=0.0, frames=60, start=START):
+    """Return what is expected at each frame by a preview that is told the lines and by how much the seen ones differ.
+
+    The loop itself has no noise, so that only the rehearsals can make a difference.
+    """
+    generator, preview, found, before = np.random.default_rng(1), LawPreview(), [], None
+    for stamp, lines, twist in loop(frames, start=start):
+        error = bias + noise * generator.normal(size=(2, len(lines), 3))
+        now = sight(stamp, lines)._replace(error=error)
+        if before is None:
+            preview.rest(now)
+        else:
+            found.append(preview.advance(now, DESIRED.reshape(-1, 3), *before, 1.0))
+        before = twist, stamp
+    return found
+
+
+def test_noise_adds_what_it_does_to_the_twist():
+    """To first order: ten times the noise adds ten times as much, and it is what L and s with that noise give."""
+    # Before the second cycle nothing has been rehearsed.
+    without = np.array([each.speed for each in noisy_previews(0.0)[1:]])
+    added = [np.array([each.speed for each in noisy_previews(noise)[1:]]) - without for noise in (1e-6, 1e-5)]
+    assert (added[0] > 0.0).all()
+    assert np.median(added[1] / added[0]) == pytest.approx(10.0, rel=0.3)
+    stamp, lines, twist = list(loop(31))[-1]
+    generator, changes = np.random.default_rng(2), []
+    for _ in range(200):
+        rows = [each + 1e-5 * generator.normal(size=each.shape) for each in (lines.direction, lines.moment)]
+        u = rows[0] / np.linalg.norm(rows[0], axis=1, keepdims=True)
+        noisy = LineSet(u, rows[1] - np.einsum("ij,ij->i", u, rows[1])[:, np.newaxis] * u, "camera")
+        error = project_lines(noisy) - DESIRED
+        changes.append(-0.1 * np.linalg.lstsq(interaction_matrix(noisy), error, rcond=None)[0] - twist)
+    typical = np.median(np.linalg.norm(np.array(changes)[:, :3], axis=1))
+    assert typical < np.median(added[1]) < 8.0 * typical
+
+
+def test_noise_is_named_where_it_rules_and_a_wrong_pose_is_no_noise():
+    near = Pose(LOOK, ON_TRANSVERSAL + [-0.02, 0.02, -0.02])
+    calm = noisy_previews(0.0, start=near)
+    assert not any(each.with_noise for each in calm)
+    assert noisy_previews(0.0, bias=0.01, start=near) == calm
+    noisy = noisy_previews(2e-3, start=near)
+    assert all(each.with_noise for each in noisy[5:])
+    assert np.median([a.speed / b.speed for a, b in zip(noisy, calm, strict=True)]) > 2.0
