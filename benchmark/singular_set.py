@@ -19,6 +19,7 @@ from benchmark.timing import median_seconds
 from plsing_ros.geometry import LineSet
 from plsing_ros.singularities import singular_set, solve_four_line_scenes
 from plsing_ros.singularities.isolated_points import solve_ten_points
+from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.transversals import analyze_transversals
 
@@ -67,15 +68,15 @@ def _where_time_goes() -> None:
     lines = _lines(SCENES[0])
     frame = SceneFrame.of(lines)
     direction, point = frame.direction[np.newaxis], frame.point[np.newaxis]
-    generator = np.random.default_rng(0)
-    square, stack = generator.normal(size=(1, 10, 10)), generator.normal(size=(8, 8, 6)) + 0j
+    square = np.random.default_rng(0).normal(size=(1, 10, 10))
+    ten = solve_ten_points(direction, point).center[0]
     parts: dict[str, Callable[[], object]] = {
         "singular_set": lambda: singular_set(lines),
         "ten points": lambda: solve_ten_points(direction, point),
         "transversals": lambda: analyze_transversals(frame),
         "scene frame": lambda: SceneFrame.of(lines),
         "a 10 x 10 eigenproblem alone": lambda: np.linalg.eig(square),
-        "eight 8 x 6 complex SVDs alone (the residuals)": lambda: np.linalg.svd(stack, compute_uv=False),
+        "residuals of ten points": lambda: singularity_residuals(frame.point, frame.direction, ten),
     }
     medians = median_seconds(parts, rounds=300)
     print("\nwhere the time goes [us], share of the whole")

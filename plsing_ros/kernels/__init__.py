@@ -1,8 +1,8 @@
 """The inner loops of every cycle: compiled where the package was built with a C compiler, else made of numpy.
 
-Both give the same numbers to rounding. They fill arrays that the caller has made, C-contiguous and float64, and check
-nothing of them but what they say; use them through what the package makes of them (LineSet, factorised, solved,
-align_lines, SingularSet, PoseEstimator ...). The Python files say what they do, a topic each.
+Both give the same numbers to rounding. They fill arrays that the caller has made, C-contiguous, float64 or complex128,
+and check nothing of them but what they say; use them through what the package makes of them (LineSet, factorised,
+solved, align_lines, singular_set, SingularSet, PoseEstimator ...). The Python files say what they do, a topic each.
 """
 
 try:
@@ -11,6 +11,8 @@ try:
         approach,
         are_image_lines,
         are_lines,
+        axis_centers,
+        bilinear_newton,
         distances,
         have_images,
         image_deviation,
@@ -24,13 +26,17 @@ try:
         mean_interaction,
         plain_law,
         pose_uncertainty,
+        quartic_functionals,
         refine_poses,
+        scene_coordinates,
         search_poses,
+        singularity_ratios,
         solve,
         subtract,
         svd,
         translations,
         triplet_rotations,
+        with_conjugates,
     )
 except ImportError:
     from plsing_ros.kernels.of_numpy import (
@@ -38,6 +44,8 @@ except ImportError:
         approach,
         are_image_lines,
         are_lines,
+        axis_centers,
+        bilinear_newton,
         distances,
         have_images,
         image_deviation,
@@ -51,13 +59,17 @@ except ImportError:
         mean_interaction,
         plain_law,
         pose_uncertainty,
+        quartic_functionals,
         refine_poses,
+        scene_coordinates,
         search_poses,
+        singularity_ratios,
         solve,
         subtract,
         svd,
         translations,
         triplet_rotations,
+        with_conjugates,
     )
 
 __all__ = [
@@ -65,6 +77,8 @@ __all__ = [
     "approach",
     "are_image_lines",
     "are_lines",
+    "axis_centers",
+    "bilinear_newton",
     "distances",
     "have_images",
     "image_deviation",
@@ -78,11 +92,15 @@ __all__ = [
     "mean_interaction",
     "plain_law",
     "pose_uncertainty",
+    "quartic_functionals",
     "refine_poses",
+    "scene_coordinates",
     "search_poses",
+    "singularity_ratios",
     "solve",
     "subtract",
     "svd",
     "translations",
     "triplet_rotations",
+    "with_conjugates",
 ]

@@ -15,11 +15,12 @@ Py_ssize_t take_arrays(PyObject *const *objects, const int *columns, int count, 
             Py_ssize_t length = buffers[i].len / (Py_ssize_t)sizeof(double);
             if (i == 0 && columns[0] > 0)
                 rows = length / columns[0];
-            if (strcmp(buffers[i].format, "d") == 0 && rows <= MOST_ROWS &&
+            int doubles = strcmp(buffers[i].format, "d") == 0 || strcmp(buffers[i].format, "Zd") == 0;
+            if (doubles && rows <= MOST_ROWS &&
                 length == (columns[i] > 0 ? columns[i] * rows : -columns[i]))
                 continue;
             PyBuffer_Release(&buffers[i]);
-            PyErr_Format(PyExc_ValueError, "array %d is not float64 or of a wrong size", i);
+            PyErr_Format(PyExc_ValueError, "array %d is not float64 or complex128, or of a wrong size", i);
         }
         while (i-- > 0)
             PyBuffer_Release(&buffers[i]);
@@ -56,4 +57,12 @@ int take_number(PyObject *object, double *value)
 {
     *value = PyFloat_AsDouble(object);
     return !(*value == -1.0 && PyErr_Occurred());
+}
+
+int count_rows(PyObject *array)
+{
+    Py_ssize_t rows = PyObject_Length(array);
+    if (rows > MOST_ROWS)
+        PyErr_Format(PyExc_ValueError, "there must be up to %d rows", MOST_ROWS);
+    return rows > MOST_ROWS ? -1 : (int)rows;
 }

@@ -1,3 +1,7 @@
+from typing import Any
+
+import numpy.typing as npt
+
 from plsing_ros.arrays import Array
 
 def are_lines(direction: Array, moment: Array, tolerance: float, /) -> bool: ...
@@ -128,3 +132,47 @@ def law_step(
 ) -> bool: ...
 def lines_seen(direction: Array, moment: Array, rotation: Array, translation: Array, seen: Array, /) -> None: ...
 def image_deviation(moment: Array, image: Array, /) -> float: ...
+def bilinear_newton(
+    tensor: npt.NDArray[Any],
+    h: npt.NDArray[Any],
+    k: npt.NDArray[Any],
+    steps: int,
+    enough: float,
+    small: float,
+    longest: float,
+    /,
+) -> bool: ...
+def singularity_ratios(
+    direction: Array, point: Array, centers: npt.NDArray[Any], ratio: Array, distance: Array, on_line: float, /
+) -> None: ...
+def scene_coordinates(
+    direction: Array, foot: Array, center: Array, length: Array, relative: Array, share: float, smallest: float, /
+) -> bool: ...
+def quartic_functionals(
+    direction: Array, point: Array, samples: Array, interpolate: Array, functionals: Array, margin: Array, /
+) -> None: ...
+def axis_centers(
+    imaginary: Array,
+    functionals: Array,
+    multiply: Array,
+    direction: Array,
+    point: Array,
+    vectors: npt.NDArray[Any],
+    w: npt.NDArray[Any],
+    h: npt.NDArray[Any],
+    center: npt.NDArray[Any],
+    at_infinity: float,
+    /,
+) -> None: ...
+def with_conjugates(
+    imaginary: Array,
+    h: npt.NDArray[Any],
+    center: npt.NDArray[Any],
+    residual: Array,
+    ten: npt.NDArray[Any],
+    residuals: Array,
+    real: Array,
+    overlap: Array,
+    is_real: float,
+    /,
+) -> None: ...

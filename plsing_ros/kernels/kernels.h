@@ -2,8 +2,8 @@
  *
  * Each file has a topic; the Python file of the same name says what its functions do, and has twins of them made of
  * numpy, which run where nothing was compiled and which the tests compare these with. Arrays come and go through the
- * buffer protocol, C-contiguous and float64, so that nothing of numpy is needed to compile this; the caller answers for
- * their shapes, and their lengths are checked here.
+ * buffer protocol, C-contiguous, float64 or complex128, so that nothing of numpy is needed to compile this; the caller
+ * answers for their shapes, and their lengths are checked here.
  */
 
 #ifndef PLSING_KERNELS_H
@@ -14,6 +14,13 @@
 
 #define MOST_COLUMNS 6
 #define ROWS_ON_STACK 128
+/* Squares below this, of rows of a matrix whose largest element is about one, are as good as zero: far below rounding,
+ * far above where products of two of them underflow. */
+#define NOTHING 1e-60
+/* Four lines, and the monomials of two degrees in three variables. */
+#define LINES 4
+#define CUBICS 10
+#define QUARTICS 15
 /* Singular values up to this times the largest are zero to working precision. */
 #define SINGULAR 2.2e-16
 
@@ -21,8 +28,8 @@
 
 /* Return the number of rows of the first array, given its columns, or -1 with an exception set.
  *
- * The arrays have `columns` times that many elements each; negative numbers are lengths that do not depend on it. The
- * last `written` of them are written to.
+ * The arrays have `columns` times that many elements each; negative numbers are lengths that do not depend on it. A
+ * complex number counts as two. The last `written` of them are written to.
  */
 Py_ssize_t take_arrays(PyObject *const *objects, const int *columns, int count, int written, Py_buffer *buffers);
 void release_arrays(Py_buffer *buffers, int count);
@@ -32,6 +39,53 @@ int are_arguments(Py_ssize_t given, Py_ssize_t expected);
 int take_number(PyObject *object, double *value);
 /* Return the length of an array that has an element for each column of a matrix, or -1 with an exception set. */
 int count_columns(PyObject *array);
+/* Return the number of rows of an array, or -1 with an exception set. */
+int count_rows(PyObject *array);
+
+/* vectors of any length */
+
+static inline double dot_product(const double *a, const double *b, Py_ssize_t n)
+{
+    double sums[4] = {0.0, 0.0, 0.0, 0.0};
+    Py_ssize_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int j = 0; j < 4; j++)
+            sums[j] += a[i + j] * b[i + j];
+    for (; i < n; i++)
+        sums[0] += a[i] * b[i];
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+}
+
+static inline void add_multiple(double *a, double factor, const double *b, Py_ssize_t n)
+{
+    for (Py_ssize_t i = 0; i < n; i++)
+        a[i] += factor * b[i];
+}
+
+/* complex numbers */
+
+typedef struct {
+    double re, im;
+} Complex;
+
+static inline Complex times(Complex a, Complex b)
+{
+    return (Complex){a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
+}
+
+static inline double square(Complex a)
+{
+    return a.re * a.re + a.im * a.im;
+}
+
+/* complements.c */
+
+/* Overwrite the rows `x` of a matrix's transpose (k, m) by Householder vectors, whose factors are `beta`, and return
+ * the diagonal of the triangular factor. */
+void reflect_to_triangle(double *x, Py_ssize_t m, int k, double *beta, double *diagonal);
+/* Fill `rows` (m - k, m) with an orthonormal basis of what is orthogonal to the columns of a matrix (m, k), given what
+ * reflect_to_triangle made of it. */
+void orthogonal_complement(const double *x, Py_ssize_t m, int k, const double *beta, double *rows);
 
 /* lines.c */
 
@@ -127,6 +181,8 @@ FUNCTION(align);
 FUNCTION(approach);
 FUNCTION(are_image_lines);
 FUNCTION(are_lines);
+FUNCTION(axis_centers);
+FUNCTION(bilinear_newton);
 FUNCTION(distances);
 FUNCTION(have_images);
 FUNCTION(image_deviation);
@@ -140,12 +196,16 @@ FUNCTION(lines_seen);
 FUNCTION(mean_interaction);
 FUNCTION(plain_law);
 FUNCTION(pose_uncertainty);
+FUNCTION(quartic_functionals);
 FUNCTION(refine_poses);
+FUNCTION(scene_coordinates);
 FUNCTION(search_poses);
+FUNCTION(singularity_ratios);
 FUNCTION(solve);
 FUNCTION(subtract);
 FUNCTION(svd);
 FUNCTION(translations);
 FUNCTION(triplet_rotations);
+FUNCTION(with_conjugates);
 
 #endif

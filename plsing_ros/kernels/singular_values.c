@@ -7,9 +7,6 @@
 #include <string.h>
 
 #define MOST_SWEEPS 60
-/* Squares below this, of rows of a matrix whose largest element is about one, are as good as zero: far below rounding,
- * far above where products of two of them underflow. */
-#define NOTHING 1e-60
 
 /* Vectors have MOST_COLUMNS elements, the last ones zero for a matrix of fewer columns, so that these loops become a
  * few instructions each. */

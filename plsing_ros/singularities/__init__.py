@@ -7,9 +7,10 @@ from plsing_ros.singularities.four_lines import IsolatedStatus
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
 from plsing_ros.singularities.lost_motion import LostMotion, MotionKind, lost_motions
 from plsing_ros.singularities.meshing import surface_triangles
+from plsing_ros.singularities.nearest_transversal import NearestTransversal
 from plsing_ros.singularities.singular_set import SingularSet, singular_set
 from plsing_ros.singularities.surfaces import Surface
-from plsing_ros.singularities.transversals import NearestTransversal, Transversal, TransversalFamily
+from plsing_ros.singularities.transversals import Transversal, TransversalFamily
 
 __all__ = [
     "Case",

@@ -216,7 +216,7 @@ def exact_surfaces(points: Sequence[Sequence[Rational]], directions: Sequence[Se
 
 
 def _force_minors(points: Sequence[Sequence[Rational]], directions: Sequence[Sequence[Rational]]) -> list[Any]:
-    """Return the five 4 x 4 minors of the matrix of isolated_points.force_matrix as polynomials in the axis direction.
+    """Return the five 4 x 4 minors of the force matrix (isolated_points) as polynomials in the axis direction.
 
     For a basis of forces of another dimension than four there are none: five times zero.
     """

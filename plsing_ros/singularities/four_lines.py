@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from plsing_ros.arrays import Array, BoolArray
 from plsing_ros.singularities.isolated_points import ComplexArray, TenPoints, solve_ten_points
 from plsing_ros.singularities.limits import Limits, limits_of_ten_points
-from plsing_ros.singularities.residual import NO_PLACES
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import TransversalAnalysis
@@ -43,7 +42,7 @@ class IsolatedPoints:
         center: Shape (k, 3), complex.
         real: Which are real, shape (k,).
         residual: Independent residuals, shape (k,).
-        place_residual: Those of other places, if they were asked for, shape (p,).
+        planes: (a, b) of planes a . x + b = 0 that are singular as a whole but not filled with transversals, (p, 4).
     """
 
     status: IsolatedStatus
@@ -51,7 +50,7 @@ class IsolatedPoints:
     center: ComplexArray
     real: BoolArray
     residual: Array
-    place_residual: Array | None = None
+    planes: Array = field(default_factory=lambda: np.zeros((0, 4)))
 
 
 def no_points(status: IsolatedStatus, note: str = "") -> IsolatedPoints:
@@ -60,7 +59,7 @@ def no_points(status: IsolatedStatus, note: str = "") -> IsolatedPoints:
 
 
 def isolated_points_of_four(
-    frame: SceneFrame, analysis: TransversalAnalysis, surfaces: tuple[Surface, ...], places: Array = NO_PLACES
+    frame: SceneFrame, analysis: TransversalAnalysis, surfaces: tuple[Surface, ...]
 ) -> IsolatedPoints:
     """Return the isolated points of four distinct lines that are not singular everywhere.
 
@@ -68,14 +67,12 @@ def isolated_points_of_four(
         frame: The scene.
         analysis: Its transversals.
         surfaces: The surfaces filled with transversals.
-        places: Other places at which the residual is asked for too, scene coordinates, shape (p, 3).
     """
-    ten = solve_ten_points(frame.direction[np.newaxis], frame.point[np.newaxis], places)
-    also = ten.place_residual
+    ten = solve_ten_points(frame.direction[np.newaxis], frame.point[np.newaxis])
     if is_generic(ten)[0]:
-        return IsolatedPoints(IsolatedStatus.FINITE, "", ten.center[0], ten.real[0], ten.residual[0], also)
+        return IsolatedPoints(IsolatedStatus.FINITE, "", ten.center[0], ten.real[0], ten.residual[0])
     limits = limits_of_ten_points(frame, analysis, surfaces)
-    return IsolatedPoints(_status(limits), _note(limits), limits.center, limits.real, limits.residual, also)
+    return IsolatedPoints(_status(limits), _note(limits), limits.center, limits.real, limits.residual)
 
 
 def is_generic(ten: TenPoints) -> BoolArray:

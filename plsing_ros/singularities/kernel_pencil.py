@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from plsing_ros import kernels
 from plsing_ros.arrays import Array, cross
+from plsing_ros.kernels import of_numpy
+from plsing_ros.kernels.newton import equations, solve, unit
 
-_ANY = np.array([[0.57, -0.42, 0.61, 0.35], [0.31, 0.74, -0.38, 0.46]])
-_RANK_ONE = _ANY[0][:, np.newaxis] * _ANY[1]
 _IDENTITY = np.eye(3)
 # a @ _MINUS_SKEW, as a 3 x 3 matrix, is minus_skew(a).
 _MINUS_SKEW = np.array(
@@ -29,7 +30,6 @@ _STEPS = 12
 # Newton's error after a step of relative length s is of the order of s squared.
 _SMALL_STEP = 1e-8
 _LONGEST_STEP = 3.0
-_TINY = np.finfo(float).tiny
 
 
 def minus_skew(vectors: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -61,24 +61,6 @@ def bilinear_tensor(direction: npt.NDArray[Any], point: npt.NDArray[Any]) -> npt
     return tensor
 
 
-def centers_from_axis_directions(direction: Array, point: Array, w: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return the homogeneous centres (k, 4), unit length, with P_i w . (M_i - C) = 0 for axis directions w (k, 3).
-
-    Args:
-        direction: Unit directions of the four lines of the scene of each w, shape (k, 4, 3); (1, 4, 3) for one scene.
-        point: Their points closest to the origin, of the same shape.
-        w: Axis directions for which the four equations have a solution.
-    """
-    across = w[:, np.newaxis, :] - (direction @ w[:, :, np.newaxis]) * direction
-    # A matrix that is singular at the right w. Adding a generic matrix of rank one makes it regular and keeps its null
-    # vector as the solution.
-    rows = np.empty((len(w), 4, 4), dtype=w.dtype)
-    rows[:, :, 0] = -np.einsum("kni,kni->kn", across, point)
-    rows[:, :, 1:] = across
-    rows += _RANK_ONE
-    return _unit(_solve(rows, _ANY[:1, :, np.newaxis])[..., 0])
-
-
 def motions_from_centers(tensor: Array, h: npt.NDArray[Any], w: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the motions k = (v, w) (k, 6), unit length, that four lines lose at homogeneous centres with axes w.
 
@@ -90,8 +72,8 @@ def motions_from_centers(tensor: Array, h: npt.NDArray[Any], w: npt.NDArray[Any]
     rows = (h[:, np.newaxis, :] @ tensor[:, :, :4].reshape(len(h), 4, 24)).reshape(len(h), 4, 6)
     f = rows[:, :, :3]
     adjoint = f.conj().swapaxes(1, 2)
-    v = _solve(adjoint @ f, adjoint @ (rows[:, :, 3:] @ -w[:, :, np.newaxis]))[..., 0]
-    return _unit(np.concatenate([v, w], axis=1))
+    v = solve(adjoint @ f, adjoint @ (rows[:, :, 3:] @ -w[:, :, np.newaxis]))[..., 0]
+    return unit(np.concatenate([v, w], axis=1))
 
 
 def newton(
@@ -112,64 +94,16 @@ def newton(
         k: Motions, shape (k, 6).
         enough: |A(h) k| below which one more step is the last.
     """
-    own = tensor[scene]
-    step = np.full(len(h), np.inf)
-    h, k = h.copy(), k.copy()
-    active: Any = slice(None)
-    for _ in range(_STEPS):
-        x, y = h[active], k[active]
-        jacobian, value = _equations(own[active], x, y)
-        change = _solve(jacobian, value)[..., 0]
-        # Where the Jacobian is numerically singular the step is huge or undefined and says nothing: stay, and leave the
-        # step length infinite.
-        with np.errstate(over="ignore", invalid="ignore"):
-            length = np.sqrt((change.real**2 + change.imag**2).sum(axis=1))
-        wild = ~(length < _LONGEST_STEP)
-        if wild.any():
-            change[wild] = 0.0
-            length[wild] = np.inf
-        h[active] = _unit(x - change[:, :4])
-        k[active] = _unit(y - change[:, 4:])
-        if enough:
-            length[np.einsum("kij,kij->k", value, value.conj()).real <= enough * enough] = 0.0
-        step[active] = length
-        if step.max(initial=0.0) <= _SMALL_STEP:
-            break
-        active = np.flatnonzero(step > _SMALL_STEP)
-    return h, k
+    own = np.asarray(tensor[scene], dtype=complex)
+    limits = _STEPS, enough, _SMALL_STEP, _LONGEST_STEP
+    x, y = np.array(h, dtype=complex), np.array(k, dtype=complex)
+    if tensor.shape[2] == 8 and kernels.bilinear_newton(own, x, y, *limits):
+        return x, y
+    x, y = np.array(h, dtype=complex), np.array(k, dtype=complex)
+    of_numpy.bilinear_newton(own, x, y, *limits)
+    return x, y
 
 
 def jacobians(tensor: Array, scene: npt.NDArray[np.intp], h: npt.NDArray[Any], k: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the derivatives of (A(h) k, |h|^2 / 2, |k|^2 / 2) by (h, k), shape (count, 2n + 2, 10)."""
-    return _equations(tensor[scene], h, k)[0]
-
-
-def _equations(a: Array, h: npt.NDArray[Any], k: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Return the Jacobians of the equations with the two scales fixed, and the values A(h) k with two zeros below."""
-    count, _, rows, _ = a.shape
-    of_h = np.matmul(a, k[:, np.newaxis, :, np.newaxis])[..., 0]
-    jacobian = np.zeros((count, rows + 2, 10), dtype=h.dtype)
-    jacobian[:, :rows, :4] = of_h.swapaxes(1, 2)
-    jacobian[:, :rows, 4:] = np.matmul(h[:, np.newaxis, :], a.reshape(count, 4, rows * 6)).reshape(count, rows, 6)
-    jacobian[:, rows, :4] = h.conj()
-    jacobian[:, rows + 1, 4:] = k.conj()
-    value = np.zeros((count, rows + 2, 1), dtype=h.dtype)
-    value[:, :rows] = np.matmul(h[:, np.newaxis, :], of_h).swapaxes(1, 2)
-    return jacobian, value
-
-
-def _solve(matrix: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    if matrix.shape[1] != matrix.shape[2]:
-        return np.asarray(np.linalg.pinv(matrix) @ right)
-    try:
-        return np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        # One exactly singular matrix fails the whole stack; the pseudo-inverse gives every one its best answer.
-        return np.asarray(np.linalg.pinv(matrix) @ right)
-
-
-def _unit(vectors: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    length = np.sqrt(np.einsum("ki,ki->k", vectors, vectors.conj()).real)[:, np.newaxis]
-    # A zero vector stays zero.
-    unit: npt.NDArray[Any] = vectors / np.maximum(length, _TINY)
-    return unit
+    return equations(tensor[scene], h, k)[0]

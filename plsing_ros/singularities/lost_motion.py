@@ -77,7 +77,7 @@ def lost_motions(lines: LineSet, camera_center: npt.ArrayLike, tolerance: float 
     point = lines.point
     distance = float(np.sqrt((cross(point - center, lines.direction) ** 2).sum(axis=1).mean()))
     unit = distance if distance > 0.0 else 1.0
-    xi = normalized_rank_basis(point, lines.direction, center[np.newaxis])[0]
+    xi = normalized_rank_basis(point, lines.direction, center)
     if len(xi) < 6:
         xi = np.concatenate([xi, np.zeros((6 - len(xi), 6))])
     _, singular_values, right = np.linalg.svd(xi)

@@ -7,7 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from plsing_ros import kernels
 from plsing_ros.arrays import Array, cross
+from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
 
 # Lines that miss a common point by less than this share of that point's distance to the origin cannot be told from
@@ -16,8 +18,6 @@ CONCURRENCY_TOLERANCE = 1e-9
 
 # The same in metres for lines that meet at the origin itself.
 _SMALLEST_LENGTH = 1e-12
-
-_IDENTITY = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,38 +91,13 @@ def scene_coordinates(direction: Array, foot: Array) -> tuple[Array, Array, Arra
     Args:
         direction: Unit directions, shape (S, n, 3).
         foot: A point on each line, shape (S, n, 3) [m].
+
+    Raises:
+        GeometryError: If lengths are so large that they overflow.
     """
-    n = direction.shape[1]
-    mean = foot.sum(axis=1, keepdims=True) / n
-    offset = _across(foot - mean, direction)
-    # The sum of the projections across the lines.
-    total = n * _IDENTITY - direction.swapaxes(1, 2) @ direction
-    target = offset.sum(axis=1)[:, :, np.newaxis]
-    # (Nearly) parallel lines leave the centre free along them; the pseudo-inverse keeps it next to the mean.
-    flat = np.abs(np.linalg.det(total)) < 1e-9
-    if flat.any():
-        total[~flat] = np.linalg.inv(total[~flat])
-        total[flat] = np.linalg.pinv(total[flat], rcond=1e-12, hermitian=True)
-        to_center = total @ target
-    else:
-        to_center = np.linalg.solve(total, target)
-    to_center = to_center.swapaxes(1, 2)
-    # Relative to the mean, so that a scene far from the origin loses no digits here; twice, because the first leaves
-    # rounding along the line.
-    relative = _across(_across(offset - to_center, direction), direction)
-    center = (mean + to_center)[:, 0]
-    length = np.sqrt(np.einsum("sni,sni->sn", relative, relative)).sum(axis=1) / n
-    smallest = CONCURRENCY_TOLERANCE * np.sqrt(np.einsum("si,si->s", center, center))
-    concurrent = length <= np.maximum(smallest, _SMALLEST_LENGTH)
-    if concurrent.any():
-        length[concurrent] = 1.0
-    relative /= length[:, np.newaxis, np.newaxis]
-    if concurrent.any():
-        length[concurrent] = 0.0
+    scenes = len(direction)
+    center, length, relative = np.empty((scenes, 3)), np.empty(scenes), np.empty(direction.shape)
+    limits = CONCURRENCY_TOLERANCE, _SMALLEST_LENGTH
+    if not kernels.scene_coordinates(direction, foot, center, length, relative, *limits):
+        raise GeometryError("the lines are too far apart for their scene frame to be finite")
     return center, length, relative
-
-
-def _across(vectors: Array, direction: Array) -> Array:
-    """Return the components across unit directions, all of shape (S, n, 3)."""
-    across: Array = vectors - np.einsum("sni,sni->sn", vectors, direction)[..., np.newaxis] * direction
-    return across

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,46 +13,32 @@ from plsing_ros.arrays import Array, checked_array, shaped_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
 from plsing_ros.singularities.cases import Case, classify
-from plsing_ros.singularities.certificate import Certificate, certify_isolated_point, certify_transversal
-from plsing_ros.singularities.exact_certificate import everywhere_certificate, exact_certificates
+from plsing_ros.singularities.certificate import Certificate
+from plsing_ros.singularities.certification import proofs_about
 from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, isolated_points_of_four, no_points
 from plsing_ros.singularities.isolated_points import ComplexArray
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
 from plsing_ros.singularities.lost_motion import LostMotion, lost_motions
-from plsing_ros.singularities.many_lines import best_subsets, isolated_points_of_many
-from plsing_ros.singularities.rational_lines import RationalLines, rational_lines
+from plsing_ros.singularities.many_lines import isolated_points_of_many
+from plsing_ros.singularities.nearest_transversal import NearestTransversal, nearest_transversal
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
-from plsing_ros.singularities.surfaces import Surface, three_line_cubic, transversal_surfaces
+from plsing_ros.singularities.surfaces import Surface, plane_surface, three_line_cubic, transversal_surfaces
 from plsing_ros.singularities.transversals import (
-    NearestTransversal,
     Transversal,
     TransversalAnalysis,
     TransversalFamily,
     analyze_transversals,
     finite_transversals,
     named_transversals,
-    nearest_transversal,
     order_of_loci,
     places_along,
 )
 
-# Four-line subsets of more lines that are tried for a proof; a point can be a singular solution for some of them.
-_CERTIFIED_SUBSETS = 3
 # Moments [m] whose products are still finite numbers.
 _FARTHEST = 1e50
 _NO_PROOFS = "No proofs were asked for."
-_INTERVALS = (
-    "The lines are taken as exactly the given doubles. Each certificate that is proved encloses one true transversal "
-    "or isolated point of the four lines it names. That other lines agree, that there are no other points, and "
-    "surfaces are not proved: for this the lines must have small rational coordinates."
-)
-_EXACT = (
-    "The given doubles are lines with small rational coordinates, rounded; all proofs are about these rational lines. "
-    "Those in interval arithmetic enclose one true transversal or isolated point of the four lines they name, the "
-    "others are exact and about all lines."
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +228,6 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
     reduced = frame if len(rows) == len(lines) else SceneFrame.of(lines.select(rows))
     analysis = analyze_transversals(reduced)
     foot, direction = finite_transversals(analysis)
-    places = places_along(foot, direction)
     surfaces = transversal_surfaces(reduced, analysis)
     case = classify(reduced, analysis.family)
     if len(rows) == 3:
@@ -251,66 +235,21 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
         surfaces += (cubic,) if cubic is not None else ()
         isolated = no_points(IsolatedStatus.SURFACES)
     elif len(rows) == 4:
-        isolated = isolated_points_of_four(reduced, analysis, surfaces, places)
+        isolated = isolated_points_of_four(reduced, analysis, surfaces)
     else:
         isolated = isolated_points_of_many(reduced, analysis)
-    residual = isolated.place_residual
-    if residual is None:
-        residual = singularity_residuals(reduced.point, reduced.direction, places)
+        surfaces += tuple(
+            plane_surface(reduced, isolated.planes[i], f"singular plane {i + 1}") for i in range(len(isolated.planes))
+        )
+    residual = singularity_residuals(reduced.point, reduced.direction, places_along(foot, direction))
     transversals = named_transversals(reduced, foot, direction, residual)
     found = _assembled(lines, reduced, case, analysis, transversals, surfaces, isolated)
     return _certified(found, lines.select(rows)) if certify else found
 
 
 def _certified(found: SingularSet, distinct: LineSet) -> SingularSet:
-    """Return a singular set with certificates for what is in it."""
-    exact = rational_lines(distinct)
-    certification = _INTERVALS if exact is None else _EXACT
-    if found.singular_everywhere:
-        proofs = [] if exact is None else [everywhere_certificate(exact, distinct.ids)]
-        return replace(found, certificates=tuple(proofs), certification=certification)
-    enclosures = _enclosures(found, distinct, exact)
-    proofs = list(enclosures)
-    if exact is not None:
-        of_points = enclosures[len(found.transversals) :]
-        proofs += exact_certificates(found, exact, distinct.ids, of_points)
-    return replace(found, certificates=tuple(proofs), certification=certification)
-
-
-def _enclosures(found: SingularSet, distinct: LineSet, exact: RationalLines | None) -> list[Certificate]:
-    """Return proofs in interval arithmetic for the transversals, real points and pairs of complex points."""
-    n = len(distinct)
-    if n < 4:
-        return []
-    subsets = best_subsets(found.frame)[:_CERTIFIED_SUBSETS] if n > 4 else np.arange(4)[np.newaxis]
-    fours = []
-    for rows in subsets:
-        four = distinct.select(rows)
-        fours.append((four, SceneFrame.of(four), None if exact is None else exact.select(rows.tolist())))
-    proofs = [
-        _first_proved(certify_transversal(four, frame, t.point, t.direction, t.name, own) for four, frame, own in fours)
-        for t in found.transversals
-    ]
-    for i in range(len(found.isolated_points_complex)):
-        center = found.isolated_points_complex[i, :]
-        if i < len(found.isolated_points):
-            name = f"isolated point {i + 1}"
-        elif center[np.argmax(np.abs(center.imag))].imag > 0.0:
-            name = f"complex point {i + 1} and its conjugate"
-        else:
-            continue
-        proofs.append(
-            _first_proved(certify_isolated_point(four, frame, center, name, own) for four, frame, own in fours)
-        )
-    return proofs
-
-
-def _first_proved(attempts: Iterable[Certificate]) -> Certificate:
-    """Return the first success, or the last failure."""
-    for attempt in attempts:
-        if attempt.proved:
-            break
-    return attempt
+    certificates, certification = proofs_about(found, distinct)
+    return replace(found, certificates=certificates, certification=certification)
 
 
 def _assembled(
@@ -323,9 +262,10 @@ def _assembled(
     isolated: IsolatedPoints,
 ) -> SingularSet:
     """Name and order everything that was found, and turn scene coordinates into those of the lines."""
-    rows = np.flatnonzero(isolated.real)
-    real = rows[order_of_loci(isolated.center[rows].real)]
-    order = np.concatenate([real, np.flatnonzero(~isolated.real)])
+    flags = isolated.real.tolist()
+    rows = [i for i, real in enumerate(flags) if real]
+    order = [rows[i] for i in order_of_loci(isolated.center[rows].real)]
+    order += [i for i, real in enumerate(flags) if not real]
     points: ComplexArray = isolated.center[order] * frame.length + frame.center
     residuals = isolated.residual[order]
     return SingularSet(
@@ -335,8 +275,8 @@ def _assembled(
         discriminant=analysis.discriminant,
         transversals=transversals,
         isolated_status=isolated.status,
-        isolated_points=points[: len(real)].real.copy(),
-        isolated_point_residuals=residuals[: len(real)],
+        isolated_points=points[: len(rows)].real.copy(),
+        isolated_point_residuals=residuals[: len(rows)],
         isolated_points_complex=points,
         isolated_complex_residuals=residuals,
         surfaces=surfaces,

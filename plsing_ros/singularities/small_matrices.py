@@ -2,37 +2,14 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg.lapack import dgeev, dgeqrf, dgesdd, dgesv, dormqr
+from scipy.linalg.lapack import dgeev, dgesdd, dgesv
 
-from plsing_ros.arrays import Array, BoolArray
-
-_WORK = 1024
+from plsing_ros.arrays import Array
 
 
-def orthogonal_complements(matrices: Array) -> tuple[Array, Array]:
-    """Return orthonormal bases of what is orthogonal to the columns of matrices, and the diagonals of their R.
-
-    Args:
-        matrices: Shape (S, m, n), m > n.
-
-    Returns:
-        Bases as columns, shape (S, m, m - n), and absolute values of the diagonals of R in A = Q R, shape (S, n).
-    """
-    scenes, m, n = matrices.shape
-    if scenes == 1:
-        factors, tau, _, _ = dgeqrf(matrices[0], _WORK)
-        basis, _, _ = dormqr("L", "N", factors, tau, _last_columns(m, m - n), _WORK)
-        return basis[np.newaxis], np.abs(factors.diagonal())[np.newaxis]
-    orthogonal, triangular = np.linalg.qr(matrices, mode="complete")
-    return orthogonal[:, :, n:], np.abs(triangular.diagonal(axis1=1, axis2=2))
-
-
-def eigenvectors_up(denominator: Array, numerator: Array) -> tuple[BoolArray, npt.NDArray[Any]]:
+def eigenvectors_up(denominator: Array, numerator: Array) -> tuple[Array, npt.NDArray[np.complex128]]:
     """Return eigenvectors of inv(denominator) numerator, one of each conjugate pair: the upper eigenvalue's.
 
     Args:
@@ -40,34 +17,34 @@ def eigenvectors_up(denominator: Array, numerator: Array) -> tuple[BoolArray, np
         numerator: Real, shape (S, n, n).
 
     Returns:
-        For which of the n eigenvalues of each problem there is a vector, shape (S, n): for the real ones and the first
-        of each pair, and these vectors as rows in the same order, shape (number of them, n).
+        Imaginary parts of the eigenvalues, shape (S, n), the upper of a pair first; and the vectors of those that are
+        not negative as rows in the same order, shape (number of them, n).
     """
     if len(denominator) == 1:
         _, _, quotient, info = dgesv(denominator[0], numerator[0])
         if info == 0:
-            _, imaginary, _, vectors, info = dgeev(quotient, compute_vl=0)
+            _, imaginary, _, packed, info = dgeev(quotient, compute_vl=0, overwrite_a=1)
             if info == 0:
-                return _unpacked(imaginary, vectors)
+                return imaginary[np.newaxis], _unpacked(imaginary, packed)
     try:
         quotients = np.linalg.solve(denominator, numerator)
     except np.linalg.LinAlgError:
-        # Exactly singular in at least one; a perturbation of rounding size makes it solvable.
-        quotients = np.linalg.solve(denominator + 1e-15 * np.eye(denominator.shape[-1]), numerator)
+        # One exactly singular matrix fails the whole stack; the pseudo-inverse gives every one its best answer.
+        quotients = np.linalg.pinv(denominator) @ numerator
     values, vectors = np.linalg.eig(quotients)
-    kept = values.imag >= 0.0
-    return kept, vectors.swapaxes(1, 2)[kept]
+    imaginary = np.ascontiguousarray(values.imag)
+    return imaginary, np.ascontiguousarray(vectors.swapaxes(1, 2)[imaginary >= 0.0], dtype=complex)
 
 
-def _unpacked(imaginary: Array, vectors: Array) -> tuple[BoolArray, npt.NDArray[Any]]:
+def _unpacked(imaginary: Array, packed: Array) -> npt.NDArray[np.complex128]:
     """Return what eigenvectors_up does from LAPACK's packing: real and imaginary parts of a pair are two columns."""
-    kept = imaginary >= 0.0
-    rows = vectors.T
-    if kept.all():
-        return kept[np.newaxis], rows
-    found = rows[kept].astype(np.complex128)
-    found.imag[imaginary[kept] > 0.0] = rows[~kept]
-    return kept[np.newaxis], found
+    rows, signs = packed.T, imaginary.tolist()
+    kept = [i for i, value in enumerate(signs) if value >= 0.0]
+    vectors = rows[kept].astype(np.complex128)
+    if len(kept) < len(signs):
+        upper = [place for place, i in enumerate(kept) if signs[i] > 0.0]
+        vectors.imag[upper] = rows[[kept[place] + 1 for place in upper]]
+    return vectors
 
 
 def right_singular_vectors(matrix: Array) -> tuple[Array, Array]:
@@ -76,10 +53,3 @@ def right_singular_vectors(matrix: Array) -> tuple[Array, Array]:
     if info != 0:
         _, values, right = np.linalg.svd(matrix)
     return values, right
-
-
-@cache
-def _last_columns(size: int, count: int) -> Array:
-    columns = np.asfortranarray(np.eye(size)[:, size - count :])
-    columns.setflags(write=False)
-    return columns

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from plsing_ros.arrays import Array, cross
-from plsing_ros.singularities.residual import NO_PLACES, singularity_residuals
+from plsing_ros.singularities.residual import NO_PLACES
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.small_matrices import right_singular_vectors
 
@@ -43,7 +43,8 @@ class Transversal:
 
     Attributes:
         point: Its point closest to the scene's centre, in the frame of the lines, shape (3,) [m].
-        direction: Unit direction; of its two signs the one whose largest component is positive, shape (3,).
+        direction: Unit direction; of its two signs the one whose largest component is positive (the first of
+            several as large), shape (3,).
         residual: The largest of the independent residuals (singularity_residuals) at two of its points.
         name: "transversal 1", ...: the one closest to the scene's centre first.
     """
@@ -75,31 +76,12 @@ class TransversalAnalysis:
     planes: Array
 
 
-@dataclass(frozen=True, eq=False)
-class NearestTransversal:
-    """The finite line that comes nearest to meeting all observed lines.
-
-    Attributes:
-        point: Its point closest to the scene's centre, in the frame of the lines, shape (3,) [m].
-        direction: Unit direction, shape (3,).
-        residual: The largest of the independent residuals (singularity_residuals) at two of its points.
-        miss: How far it passes from each observed line, shape (n,) [m].
-    """
-
-    point: Array
-    direction: Array
-    residual: float
-    miss: Array
-
-
 # Where along a line its residual is computed, in scene lengths from its foot.
 _PLACES = np.array([[1.0], [-1.618]])
 
-# Relative difference of distances to the scene's centre up to which two loci are ordered by their coordinates.
+# Relative difference of distances to the scene's centre up to which two loci are ordered by their coordinates, and of
+# components of a direction up to which the first decides its sign.
 _TIE = 1e-5
-
-# The quadratic form t . _KLEIN t / 2 = d . m of t = (d, m).
-_KLEIN = np.eye(6)[[3, 4, 5, 0, 1, 2]]
 
 _NO_LINES = np.zeros((0, 6))
 _NO_PLANES = np.zeros((0, 4))
@@ -120,31 +102,32 @@ def analyze_transversals(frame: SceneFrame, tolerance: float = TOLERANCE) -> Tra
     values = singular_values.tolist()
     dimension = 6 - sum(value > tolerance * values[0] for value in values)
     null = right[6 - dimension :]
-    form = _klein_form(null)
     if dimension == 0:
         return TransversalAnalysis(TransversalFamily.NONE, 0, None, _NO_LINES, _NO_PLANES)
     if dimension == 1:
-        value = float(form[0, 0])
+        value = float(null[0, :3] @ null[0, 3:])
         if abs(value) <= tolerance:
             return TransversalAnalysis(TransversalFamily.ONE, 1, value, null, _NO_PLANES)
         return TransversalAnalysis(TransversalFamily.NONE, 1, value, _NO_LINES, _NO_PLANES)
     if dimension == 2:
-        return _of_pencil(null, form, tolerance)
+        return transversals_of_pencil(null, tolerance)
     if dimension == 3:
-        return _of_net(null, form, tolerance)
+        return _of_net(null, tolerance)
     return TransversalAnalysis(TransversalFamily.EVERYWHERE, dimension, None, _NO_LINES, _NO_PLANES)
 
 
 def finite_transversals(analysis: TransversalAnalysis) -> tuple[Array, Array]:
     """Return points closest to the scene's centre and unit directions of the finite single transversals, (k, 3) each.
 
-    Of the two signs of a direction the one whose largest component is positive; scene coordinates.
+    Of the two signs of a direction the one whose largest component is positive, the first of several as large; scene
+    coordinates.
     """
     scaled = []
     for line in analysis.lines.tolist():
         length = math.hypot(*line[:3])
         if length > TOLERANCE:
-            scale = math.copysign(1.0 / length, max(line[:3], key=abs))
+            largest = max(map(abs, line[:3]))
+            scale = math.copysign(1.0 / length, next(x for x in line[:3] if abs(x) > (1.0 - _TIE) * largest))
             scaled.append([scale * value for value in line])
     if not scaled:
         return NO_PLACES, NO_PLACES
@@ -179,80 +162,6 @@ def named_transversals(frame: SceneFrame, foot: Array, direction: Array, residua
     )
 
 
-def nearest_transversal(frame: SceneFrame) -> NearestTransversal:
-    """Return the line that comes nearest to meeting all observed lines, whether or not one meets them all.
-
-    It minimises the sum of squares of l_i . d + u_i . m over unit directions d and moments m with d . m = 0: of the
-    distances to the observed lines, each times the sine of the angle with it.
-
-    Args:
-        frame: The scene.
-
-    Source: new, docs/theory.md section "The nearest transversal".
-    """
-    rows = frame.plucker_matrix
-    _, _, right = np.linalg.svd(rows)
-    starts = [*_of_pencil(right[-2:], _klein_form(right[-2:]), TOLERANCE).lines, *right[::-1]]
-    line = min((_descended(rows, start) for start in starts), key=lambda t: float(np.linalg.norm(rows @ t)))
-    direction = line[:3]
-    foot = cross(direction, line[3:])
-    crossing = cross(direction, frame.direction)
-    sine = np.linalg.norm(crossing, axis=1)
-    parallel = sine <= TOLERANCE
-    apart = np.linalg.norm(cross(frame.point - foot, direction), axis=1)
-    miss = np.where(parallel, apart, np.abs(rows @ line) / np.where(parallel, 1.0, sine))
-    places = places_along(foot[np.newaxis], direction[np.newaxis])
-    residual = float(singularity_residuals(frame.point, frame.direction, places).max())
-    return NearestTransversal(frame.from_scene(foot), direction, residual, miss * frame.length)
-
-
-def _descended(rows: Array, start: Array) -> Array:
-    """Return the local minimum of |rows @ t| over finite lines t = (d, m), |d| = 1, from a start.
-
-    Newton's method on the Lagrangian, with the absolute values of the curvatures so that every step goes down. Without
-    the curvature of the constraints it would creep where no line comes near to meeting all observed ones.
-    """
-    line = _as_line(start)
-    value = float(np.linalg.norm(rows @ line))
-    square = rows.T @ rows
-    for _ in range(50):
-        d, m = line[:3], line[3:]
-        constraints = np.array([[*d, 0.0, 0.0, 0.0], [*m, *d]])
-        slope = rows.T @ (rows @ line)
-        of_length, of_product = np.linalg.lstsq(constraints.T, slope, rcond=None)[0]
-        hessian = square - of_product * _KLEIN
-        hessian[:3, :3] -= of_length * np.eye(3)
-        tangent = np.linalg.svd(constraints)[2][2:].T
-        curvature, way = np.linalg.eigh(tangent.T @ hessian @ tangent)
-        way = tangent @ way
-        size = np.abs(curvature)
-        step = -way @ ((way.T @ slope) / np.maximum(size, 1e-12 * max(float(size.max()), 1e-300)))
-        scale = 1.0
-        while scale > 1e-4:
-            trial = _as_line(line + scale * step)
-            smaller = float(np.linalg.norm(rows @ trial))
-            if smaller < value:
-                break
-            scale *= 0.5
-        else:
-            return line
-        finished = value - smaller <= 1e-15 * (1.0 + value)
-        line, value = trial, smaller
-        if finished:
-            break
-    return line
-
-
-def _as_line(vector: Array) -> Array:
-    """Return the line (d, m), |d| = 1, d . m = 0, near a vector."""
-    d, m = vector[:3], vector[3:]
-    length = float(np.linalg.norm(d))
-    if length <= TOLERANCE:
-        d, length = np.array([0.0, 0.0, 1.0]), 1.0
-    d, m = d / length, m / length
-    return np.concatenate([d, m - (m @ d) * d])
-
-
 def _klein_form(basis: Array) -> Array:
     """Return the symmetric matrix of d . m on the span of rows (d, m)."""
     form = basis[:, :3] @ basis[:, 3:].T
@@ -279,9 +188,9 @@ def order_of_loci(point: Array, direction: Array | None = None) -> list[int]:
     return sorted(order, key=lambda i: (float(f"{distance[i]:.6g}"), rows[i]))
 
 
-def _of_pencil(null: Array, form: Array, tolerance: float) -> TransversalAnalysis:
-    """The transversals in a two-dimensional null space: the zeros of a binary quadratic form."""
-    (a, b), (_, c) = form.tolist()
+def transversals_of_pencil(null: Array, tolerance: float = TOLERANCE) -> TransversalAnalysis:
+    """Return the transversals in a two-dimensional null space (2, 6): the zeros of a binary quadratic form."""
+    (a, b), (_, c) = _klein_form(null).tolist()
     discriminant, size = b * b - a * c, max(abs(a), abs(b), abs(c))
     if size <= tolerance:
         return TransversalAnalysis(TransversalFamily.PENCIL, 2, discriminant, _NO_LINES, _plane_of(null))
@@ -298,9 +207,9 @@ def _of_pencil(null: Array, form: Array, tolerance: float) -> TransversalAnalysi
     return TransversalAnalysis(TransversalFamily.TWO, 2, discriminant, _combined(roots, null), _NO_PLANES)
 
 
-def _of_net(null: Array, form: Array, tolerance: float) -> TransversalAnalysis:
+def _of_net(null: Array, tolerance: float) -> TransversalAnalysis:
     """The transversals in a three-dimensional null space: the zeros of a ternary quadratic form, a conic."""
-    value, vector = np.linalg.eigh(form)
+    value, vector = np.linalg.eigh(_klein_form(null))
     rank = int((np.abs(value) > tolerance).sum())
     if rank == 3:
         return TransversalAnalysis(TransversalFamily.REGULUS, 3, None, _NO_LINES, _NO_PLANES)

@@ -50,6 +50,19 @@ PAPER_POINTS = np.array(
 )
 
 
+def box_edges():
+    """The twelve edges of a box."""
+    points, directions = [], []
+    for axis in range(3):
+        first, second = (i for i in range(3) if i != axis)
+        for corner in range(4):
+            point = [0.0, 0.0, 0.0]
+            point[first], point[second] = 1.5 * (corner & 1), 0.8 * (corner >> 1)
+            points.append(point)
+            directions.append(np.eye(3)[axis])
+    return points, directions
+
+
 def line_set(scene, **options):
     return LineSet.from_points_directions(np.array(scene[0], dtype=float), np.array(scene[1], dtype=float), **options)
 

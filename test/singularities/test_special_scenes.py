@@ -298,3 +298,18 @@ def test_invalid_input_is_refused_by_the_name_of_the_line():
     for wrong in ([0, 1], [0, 0, np.inf], "here"):
         with pytest.raises(GeometryError, match="camera_center"):
             found.distances(wrong)
+
+
+def test_a_straight_line_of_singular_centres_is_not_ten_points():
+    """One axis direction leaves the centre free along a line; no ten of its points are the answer."""
+    lines = line_set(([[1, -1, 0], [0, 0, 1], [1, 1, 1], [0, 1, -1]], [[0, 1, -1], [1, 1, 0], [1, 1, 1], [1, -1, 0]]))
+    singular = []
+    for w in lines.direction:
+        across = w - (lines.direction @ w)[:, np.newaxis] * lines.direction
+        # P_i w . (M_i - C) = 0 for a centre C, homogeneous.
+        _, size, right = np.linalg.svd(np.column_stack([-np.einsum("ij,ij->i", across, lines.point), across]))
+        if size[2] < 1e-12:
+            singular += [(right[2:].T @ mix)[1:] / (right[2:].T @ mix)[0] for mix in ([1.0, 0.3], [0.2, -1.0])]
+    assert len(singular) >= 2
+    assert max(smallest_ratio(lines, center) for center in singular) < 1e-12
+    assert singular_set(lines).isolated_status is S.POSITIVE_DIMENSIONAL

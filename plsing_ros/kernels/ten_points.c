@@ -1,0 +1,232 @@
+/* From eigenvectors to the ten isolated points of four lines. */
+
+#include "kernels.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Last pivot of the equations of a centre, relative to the one before, from which they leave it free along a line: the
+ * axis direction is that of a curve of singular centres. */
+#define AMBIGUOUS 1e-3
+
+static void swap(Complex *a, Complex *b)
+{
+    Complex c = *a;
+    *a = *b, *b = c;
+}
+
+static Complex ratio(Complex a, Complex b)
+{
+    double size = square(b);
+    return (Complex){(a.re * b.re + a.im * b.im) / size, (a.im * b.re - a.re * b.im) / size};
+}
+
+/* Fill the unit vector that a matrix, singular but for rounding, maps to zero, and return whether there is only one:
+ * Gaussian elimination with complete pivoting, whose last pivot is that rounding. */
+static int null_vector(Complex matrix[4][4], Complex *x)
+{
+    int order[4] = {0, 1, 2, 3};
+    double pivot = 0.0;
+    for (int rank = 0; rank < 3; rank++) {
+        int row = rank, column = rank;
+        for (int i = rank; i < 4; i++)
+            for (int j = rank; j < 4; j++)
+                if (square(matrix[i][j]) > square(matrix[row][column]))
+                    row = i, column = j;
+        pivot = square(matrix[row][column]);
+        if (!(pivot > 0.0))
+            break;
+        for (int j = 0; j < 4; j++)
+            swap(&matrix[row][j], &matrix[rank][j]);
+        for (int i = 0; i < 4; i++)
+            swap(&matrix[i][column], &matrix[i][rank]);
+        int label = order[column];
+        order[column] = order[rank], order[rank] = label;
+        for (int i = rank + 1; i < 4; i++) {
+            Complex factor = ratio(matrix[i][rank], matrix[rank][rank]);
+            for (int j = rank + 1; j < 4; j++) {
+                Complex product = times(factor, matrix[rank][j]);
+                matrix[i][j].re -= product.re, matrix[i][j].im -= product.im;
+            }
+        }
+    }
+    if (!(square(matrix[3][3]) < AMBIGUOUS * AMBIGUOUS * pivot)) {
+        memset(x, 0, 4 * sizeof *x);
+        return 0;
+    }
+    Complex unknown[4] = {{0.0, 0.0}, {0.0, 0.0}, {0.0, 0.0}, {1.0, 0.0}};
+    double total = 1.0;
+    for (int i = 2; i >= 0; i--) {
+        Complex sum = {0.0, 0.0};
+        for (int j = i + 1; j < 4; j++) {
+            Complex product = times(matrix[i][j], unknown[j]);
+            sum.re -= product.re, sum.im -= product.im;
+        }
+        unknown[i] = ratio(sum, matrix[i][i]);
+        total += square(unknown[i]);
+    }
+    for (int i = 0; i < 4; i++)
+        x[order[i]] = (Complex){unknown[i].re / sqrt(total), unknown[i].im / sqrt(total)};
+    return 1;
+}
+
+/* Fill the homogeneous centre of an axis direction, and return whether there is only one. */
+static int center_of(const double *u, const double *point, const Complex *w, Complex *h)
+{
+    Complex rows[4][4];
+    for (int i = 0; i < LINES; i++, u += 3, point += 3) {
+        Complex along = {0.0, 0.0};
+        for (int j = 0; j < 3; j++)
+            along.re += u[j] * w[j].re, along.im += u[j] * w[j].im;
+        rows[i][0] = (Complex){0.0, 0.0};
+        for (int j = 0; j < 3; j++) {
+            Complex across = {w[j].re - along.re * u[j], w[j].im - along.im * u[j]};
+            rows[i][0].re -= across.re * point[j], rows[i][0].im -= across.im * point[j];
+            rows[i][1 + j] = across;
+        }
+    }
+    return null_vector(rows, h);
+}
+
+/* Fill the axis direction of an eigenvector: of w times each cubic monomial at w, the largest. */
+static void axis_of(const Complex *vector, const double *functionals, const double *multiply, Complex *w)
+{
+    Complex values[QUARTICS] = {{0.0, 0.0}}, products[3][CUBICS] = {{{0.0, 0.0}}};
+    for (int i = 0; i < CUBICS; i++)
+        for (int j = 0; j < QUARTICS; j++) {
+            values[j].re += vector[i].re * functionals[QUARTICS * i + j];
+            values[j].im += vector[i].im * functionals[QUARTICS * i + j];
+        }
+    int best = 0;
+    double most = 0.0;
+    for (int axis = 0; axis < 3; axis++)
+        for (int i = 0; i < CUBICS; i++, multiply += QUARTICS) {
+            Complex *product = &products[axis][i];
+            for (int j = 0; j < QUARTICS; j++) {
+                product->re += multiply[j] * values[j].re;
+                product->im += multiply[j] * values[j].im;
+            }
+            if (square(*product) > most)
+                most = square(*product), best = i;
+        }
+    for (int axis = 0; axis < 3; axis++) {
+        w[axis].re = most > 0.0 ? products[axis][best].re / sqrt(most) : 0.0;
+        w[axis].im = most > 0.0 ? products[axis][best].im / sqrt(most) : 0.0;
+    }
+}
+
+PyObject *axis_centers(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Py_buffer buffers[9];
+    (void)self;
+    if (!are_arguments(count, 10))
+        return NULL;
+    double at_infinity = PyFloat_AsDouble(args[9]);
+    if (at_infinity == -1.0 && PyErr_Occurred())
+        return NULL;
+    int points = count_rows(args[5]);
+    if (points < 0)
+        return NULL;
+    const int columns[] = {CUBICS,     CUBICS * QUARTICS, -3 * CUBICS * QUARTICS, 3 * LINES,  3 * LINES,
+                           -2 * CUBICS * points, -6 * points,      -8 * points,           -6 * points};
+    Py_ssize_t scenes = take_arrays(args, columns, 9, 3, buffers);
+    if (scenes < 0)
+        return NULL;
+    const double *imaginary = buffers[0].buf;
+    const Complex *vector = buffers[5].buf;
+    Complex *w = buffers[6].buf, *h = buffers[7].buf, *center = buffers[8].buf;
+    int found = 0;
+    for (Py_ssize_t slot = 0; slot < CUBICS * scenes; slot++) {
+        if (imaginary[slot] < 0.0 || ++found > points)
+            continue;
+        Py_ssize_t scene = slot / CUBICS;
+        axis_of(vector, (double *)buffers[1].buf + CUBICS * QUARTICS * scene, buffers[2].buf, w);
+        const double *u = (double *)buffers[3].buf + 3 * LINES * scene;
+        const double *point = (double *)buffers[4].buf + 3 * LINES * scene;
+        int finite = center_of(u, point, w, h) && square(h[0]) > at_infinity * at_infinity;
+        for (int j = 0; j < 3; j++)
+            center[j] = finite ? ratio(h[1 + j], h[0]) : (Complex){NAN, NAN};
+        vector += CUBICS, w += 3, h += 4, center += 3;
+    }
+    release_arrays(buffers, 9);
+    if (found != points)
+        return PyErr_Format(PyExc_ValueError, "%d eigenvectors for %d eigenvalues", points, found);
+    Py_RETURN_NONE;
+}
+
+/* Return the modulus of the inner product of unit vectors, or of one with the other's conjugate. */
+static double overlap_of(const Complex *a, const Complex *b, double conjugate)
+{
+    Complex sum = {0.0, 0.0};
+    for (int i = 0; i < 4; i++) {
+        sum.re += a[i].re * b[i].re + conjugate * a[i].im * b[i].im;
+        sum.im += a[i].re * b[i].im * conjugate - a[i].im * b[i].re;
+    }
+    return sqrt(square(sum));
+}
+
+/* Fill the ten of one scene, of which the first is given. */
+static void ten_of(const double *imaginary, const Complex *h, const Complex *center, const double *residual,
+                  double is_real, Complex *ten, double *residuals, double *real, double *overlap)
+{
+    int source = -1;
+    *overlap = 0.0;
+    for (int slot = 0; slot < CUBICS; slot++, ten += 3) {
+        double conjugate = imaginary[slot] < 0.0 ? -1.0 : 1.0;
+        source += conjugate > 0.0;
+        const Complex *own = center + 3 * source;
+        double size = 0.0, out_of_real = 0.0;
+        for (int j = 0; j < 3; j++) {
+            ten[j] = (Complex){own[j].re, conjugate * own[j].im};
+            size = fmax(size, sqrt(square(own[j])));
+            out_of_real = fmax(out_of_real, fabs(own[j].im));
+        }
+        residuals[slot] = residual[source];
+        /* Not for NaN. */
+        real[slot] = isfinite(own[0].re) && out_of_real <= is_real * (1.0 + size);
+        if (conjugate < 0.0)
+            *overlap = fmax(*overlap, overlap_of(h + 4 * source, h + 4 * source, -1.0));
+        else
+            for (int other = 0; other < source; other++) {
+                *overlap = fmax(*overlap, overlap_of(h + 4 * source, h + 4 * other, 1.0));
+                *overlap = fmax(*overlap, overlap_of(h + 4 * source, h + 4 * other, -1.0));
+            }
+    }
+}
+
+PyObject *with_conjugates(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Py_buffer buffers[8];
+    (void)self;
+    if (!are_arguments(count, 9))
+        return NULL;
+    double is_real = PyFloat_AsDouble(args[8]);
+    if (is_real == -1.0 && PyErr_Occurred())
+        return NULL;
+    int points = count_rows(args[1]), used = 0;
+    if (points < 0)
+        return NULL;
+    const int columns[] = {CUBICS, -8 * points, -6 * points, -points, 6 * CUBICS, CUBICS, CUBICS, 1};
+    Py_ssize_t scenes = take_arrays(args, columns, 8, 4, buffers);
+    if (scenes < 0)
+        return NULL;
+    for (Py_ssize_t i = 0; i < scenes && used >= 0; i++) {
+        const double *imaginary = (double *)buffers[0].buf + CUBICS * i;
+        int needed = 0;
+        for (int slot = 0; slot < CUBICS; slot++)
+            needed += !(imaginary[slot] < 0.0);
+        if (imaginary[0] < 0.0 || used + needed > points) {
+            used = -1;
+            break;
+        }
+        ten_of(imaginary, (Complex *)buffers[1].buf + 4 * used, (Complex *)buffers[2].buf + 3 * used,
+               (double *)buffers[3].buf + used, is_real, (Complex *)buffers[4].buf + 3 * CUBICS * i,
+               (double *)buffers[5].buf + CUBICS * i, (double *)buffers[6].buf + CUBICS * i,
+               (double *)buffers[7].buf + i);
+        used += needed;
+    }
+    release_arrays(buffers, 8);
+    if (used != points)
+        return PyErr_Format(PyExc_ValueError, "%d points do not belong to the eigenvalues", points);
+    Py_RETURN_NONE;
+}

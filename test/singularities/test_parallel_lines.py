@@ -1,0 +1,102 @@
+"""Five and more lines with classes of parallel ones: their answers by geometry, without a search."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from singular_scenes import box_edges, distance_to_line, line_set, smallest_ratio
+
+from plsing_ros.kernels import of_numpy
+from plsing_ros.singularities import IsolatedStatus, Kind, singular_set
+from plsing_ros.singularities.kernel_pencil import bilinear_tensor
+from plsing_ros.singularities.scene_frame import SceneFrame
+
+X, Y, Z = np.eye(3).tolist()
+
+
+def edges(*numbers):
+    points, directions = box_edges()
+    return [points[i] for i in numbers], [directions[i] for i in numbers]
+
+
+def singular_centers(lines, starts=300):
+    """Real finite centres on no line at which a motion is lost, found by Gauss and Newton's method from anywhere."""
+    frame = SceneFrame.of(lines)
+    generator = np.random.default_rng(0)
+    tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis]).astype(complex)
+    h, k = (generator.normal(size=(starts, size)).astype(complex) for size in (4, 6))
+    h[:, 0] = 1.0
+    of_numpy.bilinear_newton(np.repeat(tensor, starts, axis=0), h, k, 60, 0.0, 1e-12, 3.0)
+    near = np.abs(h[:, 0]) > 1e-3
+    centers = frame.from_scene((h[near, 1:] / h[near, :1]).real)
+    away = [min(map(distance_to_line, [c] * len(lines), lines.point, lines.direction)) for c in centers]
+    good = [a > 1e-3 * frame.length and smallest_ratio(lines, c) < 1e-9 for c, a in zip(centers, away, strict=True)]
+    return centers[np.array(good, dtype=bool)]
+
+
+def test_many_parallel_lines_and_another():
+    points, directions = np.random.default_rng(1).normal(size=(2, 12, 3))
+    lines = line_set((points, [*[directions[0]] * 11, directions[1]]))
+    found = singular_set(lines)
+    assert found.isolated_status is IsolatedStatus.NONE
+    (plane,) = found.surfaces
+    # Only in the plane through the other line, of lines that meet it and the parallel ones at infinity.
+    centers = singular_centers(lines)
+    assert len(centers) > 10
+    np.testing.assert_allclose(plane.value(centers) / np.linalg.norm(plane.gradient(centers), axis=1), 0.0, atol=1e-6)
+
+
+def test_parallel_lines_on_a_circular_cylinder_stay_open():
+    angles = np.array([0.1, 1.2, 2.0, 3.9, 5.5])
+    points = [*np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1), [0.3, 0.2, 0.5]]
+    found = singular_set(line_set((points, [Z] * 5 + [[1, 2, 1]])))
+    assert found.isolated_status is IsolatedStatus.UNRESOLVED
+
+
+def test_a_singular_plane_without_transversals():
+    """Four edges of one face of a box, and two across it: turning about the face's normal is lost all over the face."""
+    lines = line_set(edges(0, 1, 4, 5, 8, 9))
+    found = singular_set(lines)
+    assert [surface.kind for surface in found.surfaces] == [Kind.PLANE]
+    (plane,) = found.surfaces
+    np.testing.assert_allclose(plane.coefficients / plane.coefficients[3], [0, 0, 0, 1], atol=1e-12)
+    assert found.isolated_status is IsolatedStatus.NONE
+    for x, y in np.random.default_rng(2).normal(size=(10, 2)):
+        assert smallest_ratio(lines, [x, y, 0.0]) < 1e-12
+        assert smallest_ratio(lines, [x, y, 0.3]) > 1e-6
+    (transversal,) = found.transversals
+    for center in singular_centers(lines):
+        off_line = distance_to_line(center, transversal.point, transversal.direction)
+        assert min(abs(center[2]), off_line) < 1e-5
+
+
+@pytest.mark.parametrize("flat", [[X, X, X], [X, X, Y, Y]], ids=["three parallel", "two pairs"])
+@given(
+    heights=st.lists(st.floats(0.5, 3.0), min_size=2, max_size=2),
+    tilts=st.lists(st.floats(0.3, 2.0), min_size=2, max_size=2),
+    place=st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=2),
+)
+@settings(max_examples=20, deadline=None)
+def test_the_point_of_a_plane_that_two_other_lines_leave(flat, heights, tilts, place):
+    """Turning about the normal moves no image line where the perpendiculars to the other lines are in the plane."""
+    center = np.array([*place, 0.0])
+    points = [[2.0 * i + 1.3, -1.7 * i - 1.2, 0.0] for i in range(len(flat))]
+    # Lines whose point nearest to the centre is in the plane of the others, tilted across the way to it.
+    feet = [center + heights[0] * np.array([0.6, 0.8, 0.0]), center + heights[1] * np.array([-0.28, 0.96, 0.0])]
+    directions = [[-0.8, 0.6, tilts[0]], [-0.96, -0.28, -tilts[1]]]
+    lines = line_set(([*points, *feet], [*flat, *directions]))
+    assert smallest_ratio(lines, center) < 1e-12
+    found = singular_set(lines)
+    assert found.isolated_status is IsolatedStatus.FINITE
+    assert np.abs(found.isolated_points - center).max(axis=1).min() < 1e-7
+    assert found.isolated_point_residuals.max() <= 1e-9
+    # A third such line elsewhere leaves nothing.
+    more = line_set(([*points, *feet, [0.4, 0.3, 2.0]], [*flat, *directions, [1.0, 1.0, 0.5]]))
+    assert smallest_ratio(more, center) > 1e-9
+    assert len(singular_set(more).isolated_points) == 0
+
+
+def test_two_classes_that_disagree_leave_nothing():
+    """Three edges each of two directions: the motion would have to turn about both."""
+    found = singular_set(line_set(edges(0, 1, 2, 4, 5, 6)))
+    assert found.isolated_status is IsolatedStatus.NONE
