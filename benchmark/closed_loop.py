@@ -67,7 +67,9 @@ def main() -> None:
     """Measure and print."""
     print(f"time from one frame to the next, {FRAMES} frames, three nodes [ms]\n")
     print(f"{'':>20} {'nodes':>6} {'executor':>10} {'median':>8} {'10 %':>8} {'99 %':>8} {'steps/s':>8}")
-    for where, measured in (("in three processes", _apart), ("in one process", _together)):
+    yielding = functools.partial(_apart, monitor=("nice", "-n", "10"))
+    ways = (("in three processes", _apart), ("monitor at nice 10", yielding), ("in one process", _together))
+    for where, measured in ways:
         for loop in LOOPS:
             medians = {}
             for executor in ("events", "single"):
@@ -110,11 +112,11 @@ def _together(loop: str, executor: str) -> Sequence[float]:
         return simulator.steps.milliseconds()
 
 
-def _apart(loop: str, executor: str) -> Sequence[float]:
+def _apart(loop: str, executor: str, monitor: Sequence[str] = ()) -> Sequence[float]:
     # The harness only for its domain.
     with Harness(executor, log_level="ERROR") as ros:
         start = functools.partial(_process, loop, executor, ros.environment())
-        others = [start(role, {"use_sim_time": True}) for role in ("controller", "monitor")]
+        others = [start("controller", {"use_sim_time": True}), start("monitor", {"use_sim_time": True}, monitor)]
         try:
             output, _ = start("simulator", LOOPS[loop].of_simulator).communicate(timeout=TIMEOUT)
         finally:
@@ -126,12 +128,18 @@ def _apart(loop: str, executor: str) -> Sequence[float]:
 
 
 def _process(
-    loop: str, executor: str, environment: dict[str, str], role: str, parameters: Mapping[str, Any]
+    loop: str,
+    executor: str,
+    environment: dict[str, str],
+    role: str,
+    parameters: Mapping[str, Any],
+    before: Sequence[str] = (),
 ) -> subprocess.Popen[str]:
     given = [each for name, value in parameters.items() for each in ("-p", f"{name}:={value}")]
     file = LOOPS[loop].params_file
     return subprocess.Popen(
         [
+            *before,
             *(
                 sys.executable,
                 "-c",
