@@ -99,6 +99,9 @@ class LawPreview:
         """Forget everything: another goal, other lines, or features that were missing."""
         self._previous: Sight | None = None
         self._noise: deque[Array] = deque(maxlen=_REMEMBERED_FRAMES)
+        self._rehearsed = 0
+        # How far the latest commanded twists are from the law's at the lines as they are, and as they are seen.
+        self._apart = self._apart_as_seen = 0.0
         self._end()
 
     def _end(self) -> None:
@@ -132,8 +135,11 @@ class LawPreview:
         if previous is None or sight.stamp <= previous.stamp:
             return self._ahead(sight.stamp) if self._samples else None
         commanded_for = previous if twist_stamp - previous.stamp < sight.stamp - twist_stamp else sight
-        if not self._as_foreseen(sight, twist, commanded_for.stamp):
-            self._begin(sight, desired, twist, commanded_for, sight.stamp - previous.stamp)
+        law = self._law_as_seen(commanded_for, desired, twist) if twist_stamp == commanded_for.stamp else None
+        if not self._as_foreseen(sight, twist, commanded_for.stamp, law):
+            if law is None:
+                law = _law_at(commanded_for.lines, desired)
+            self._begin(sight, desired, twist, law, sight.stamp - previous.stamp)
         if not self._samples:
             return None
         end = sight.stamp + round(horizon * _SECOND)
@@ -143,13 +149,31 @@ class LawPreview:
             self._go_on(desired)
         return self._ahead(sight.stamp)
 
-    def _as_foreseen(self, sight: Sight, twist: Array, twist_stamp: int) -> bool:
+    def _law_as_seen(self, sight: Sight, desired: Array, twist: Array) -> Array | None:
+        """Return the law's twist for gain 1 at the lines with the noise that is seen, if the controller acts on that.
+
+        It may as well filter the features, or know the lines from elsewhere: the directions of its twists tell.
+        """
+        if sight.error is None or not self._noise:
+            return None
+        as_is, as_seen = _law_at(sight.lines, desired), _law_at(sight.lines + sight.error, desired)
+        if as_is is None or as_seen is None:
+            return None
+        self._apart = _FORGET * self._apart + _squared_sine(twist, as_is)
+        self._apart_as_seen = _FORGET * self._apart_as_seen + _squared_sine(twist, as_seen)
+        return as_seen if self._acts_on_noise else None
+
+    @property
+    def _acts_on_noise(self) -> bool:
+        return self._apart_as_seen < self._apart
+
+    def _as_foreseen(self, sight: Sight, twist: Array, twist_stamp: int, law: Array | None) -> bool:
         """Drop what is past, and return whether the preview was right about the present."""
         samples, commanded = self._samples, True
         while samples and samples[0].stamp < sight.stamp - self._step // 2:
             sample = samples.popleft()
             if abs(sample.stamp - twist_stamp) <= self._step // 2:
-                commanded = self._is_commanded(sample.twist, twist)
+                commanded = self._is_commanded(sample.twist if law is None else self._gain * law, twist)
         if not commanded:
             # Another law, another goal or another gain: nothing that was foreseen holds.
             self._end()
@@ -163,10 +187,9 @@ class LawPreview:
         self._square = _FORGET * self._square + float(foreseen @ foreseen)
         return _SLOPE[0] * self._square <= self._product <= _SLOPE[1] * self._square
 
-    def _begin(self, sight: Sight, desired: Array, twist: Array, commanded_for: Sight, period: int) -> None:
-        law = _law_step(commanded_for.lines, _AT_REST, 0.0, desired, 1.0)
+    def _begin(self, sight: Sight, desired: Array, twist: Array, law: Array | None, period: int) -> None:
         # Noise can hide the law in one twist; then what the latest ones said still holds.
-        gain = 0.0 if law is None else _projection(law[1], twist) or self._gain
+        gain = 0.0 if law is None else _projection(law, twist) or self._gain
         now = _law_step(sight.lines, _AT_REST, 0.0, desired, gain) if gain else None
         if now is None:
             self._end()
@@ -207,11 +230,12 @@ class LawPreview:
     def _speed_by_noise(self, lines: Array, twist: Array, desired: Array) -> float:
         """Return by how much the speed changes if the law sees the lines with the noise of the latest frames [m/s]."""
         change = 0.0
-        for _ in range(_REHEARSALS if self._noise else 0):
-            self._noise.rotate()
-            noisy = _law_step(lines + self._noise[0], _AT_REST, 0.0, desired, self._gain)
-            if noisy is not None:
-                change = max(change, _speed(noisy[1] - twist))
+        for _ in range(_REHEARSALS if self._acts_on_noise else 0):
+            self._rehearsed += 1
+            noise = self._noise[self._rehearsed % len(self._noise)]
+            noisy = _law_step(lines + noise, _AT_REST, 0.0, desired, self._gain)
+            # Where the noise makes it singular, it is as fast as it gets.
+            change = max(change, _FASTEST if noisy is None else _speed(noisy[1] - twist))
         return change
 
     def _append(self, sample: _Sample) -> None:
@@ -237,8 +261,20 @@ def _law_step(lines: Array, twist: Array, duration: float, desired: Array, gain:
     return moved, next_twist
 
 
+def _law_at(lines: Array, desired: Array) -> Array | None:
+    """Return the law's twist for gain 1, or None if it has none."""
+    step = _law_step(lines, _AT_REST, 0.0, desired, 1.0)
+    return None if step is None else step[1]
+
+
 def _speed(twist: Array) -> float:
     return min(math.hypot(*twist[:3].tolist()), _FASTEST)
+
+
+def _squared_sine(a: Array, b: Array) -> float:
+    product = float(a @ b)
+    squares = float(a @ a) * float(b @ b)
+    return 1.0 - product * product / squares if squares > 0.0 else 0.0
 
 
 def is_alike(lines: Array, image: Array) -> bool:
