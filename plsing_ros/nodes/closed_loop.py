@@ -14,7 +14,7 @@ from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import Controller
 from plsing_ros.nodes.conversions import twist_from_message
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
-from plsing_ros.nodes.frame_messages import RELIABLE, FrameMessages, answer, stamp_of
+from plsing_ros.nodes.frame_messages import RELIABLE, FrameMessages, has_come, stamp_of, taken
 from plsing_ros.nodes.harness import Harness
 from plsing_ros.nodes.pose_conversions import camera_pose_from_message
 from plsing_ros.nodes.pose_estimator import PoseEstimator
@@ -74,19 +74,15 @@ def run_closed_loop(
         destination = controller.parameters.target_pose().translation
         time_step = round(simulator.parameters.time_step * _SECOND)
 
-        def status(stamp: int) -> Any:
-            # Before the first frame the monitor truly says that it has no features; that is not part of the run.
-            return answer(statuses, stamp, lambda status: status.level != SingularityStatus.STALE)
-
         reported: list[Alert] = []
         rows, is_there = [], False
         for number in range(1, most_steps + 1):
             stamp = FIRST_STAMP + (number - 1) * time_step
             ros.spin_until(
-                lambda: frames.have_come(stamp) and status(stamp) is not None,
+                lambda: frames.have_come(stamp) and has_come(statuses, stamp, _is_of_run),
                 f"frame {number} of {name}",
             )
-            rows.append((*frames.of(stamp), status(stamp)))
+            rows.append((*frames.of(stamp), taken(statuses, stamp, _is_of_run)))
             pose = camera_pose_from_message(rows[-1][0], simulator.parameters.scene_frame)
             distance = float(np.linalg.norm(pose.translation - destination))
             on_frame(number, distance)
@@ -111,3 +107,8 @@ def run_closed_loop(
             is_there,
             tuple(reported),
         )
+
+
+def _is_of_run(status: SingularityStatus) -> bool:
+    # Before the first frame the monitor truly says that it has no features.
+    return status.level != SingularityStatus.STALE

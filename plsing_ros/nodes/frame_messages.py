@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import takewhile
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
@@ -28,15 +29,11 @@ class FrameMessages:
         self._twists = ros.collect(TwistStamped, "cmd_twist", RELIABLE)
         self._states = ros.collect(ControllerState, "controller/state", RELIABLE)
 
-    def state(self, stamp: int) -> ControllerState | None:
-        """Return the controller's answer to a frame, if it is there."""
-        # Before its first frame the controller says that it waits, with the stamp of that very frame.
-        return answer(self._states, stamp, lambda state: state.mode != ControllerState.WAITING)
-
     def have_come(self, stamp: int) -> bool:
         """Return whether all three, or later ones, are there."""
-        passed = all(each and stamp_of(each[-1]) >= stamp for each in (self._poses, self._twists))
-        return passed and self.state(stamp) is not None
+        return (
+            has_come(self._poses, stamp) and has_come(self._twists, stamp) and has_come(self._states, stamp, _is_answer)
+        )
 
     def of(self, stamp: int) -> tuple[PoseWithCovarianceStamped, TwistStamped, ControllerState]:
         """Return the three.
@@ -44,13 +41,7 @@ class FrameMessages:
         Raises:
             PlsingError: If one of them was lost.
         """
-        found = answer(self._poses, stamp), answer(self._twists, stamp), self.state(stamp)
-        for messages, message in zip((self._poses, self._twists, self._states), found, strict=True):
-            if message is None:
-                raise PlsingError(
-                    f"the message of {messages.topic} at {stamp * 1e-9:g} s was lost; is the machine overloaded?"
-                )
-        return found
+        return taken(self._poses, stamp), taken(self._twists, stamp), taken(self._states, stamp, _is_answer)
 
 
 def stamp_of(message: Any) -> int:
@@ -58,11 +49,28 @@ def stamp_of(message: Any) -> int:
     return nanoseconds(message.header.stamp)
 
 
-def answer(messages: Collected, stamp: int, counts: Callable[[Any], bool] = lambda message: True) -> Any:
-    """Return the latest message of a stamp [ns] that counts, or None."""
-    for message in reversed(messages):
-        if stamp_of(message) < stamp:
-            break
+def has_come(messages: Collected, stamp: int, counts: Callable[[Any], bool] = lambda message: True) -> bool:
+    """Return whether a message of a stamp [ns], or a later one, is there that counts."""
+    return any(counts(message) for message in _since(messages, stamp))
+
+
+def taken(messages: Collected, stamp: int, counts: Callable[[Any], bool] = lambda message: True) -> Any:
+    """Return the latest message of a stamp [ns] that counts.
+
+    Raises:
+        PlsingError: If it was lost.
+    """
+    for message in _since(messages, stamp):
         if stamp_of(message) == stamp and counts(message):
             return message
-    return None
+    raise PlsingError(f"the message of {messages.topic} at {stamp * 1e-9:g} s was lost; is the machine overloaded?")
+
+
+def _since(messages: Collected, stamp: int) -> Iterator[Any]:
+    """Yield the messages of a stamp [ns] and later ones, the latest first."""
+    return takewhile(lambda message: stamp_of(message) >= stamp, reversed(messages))
+
+
+def _is_answer(state: ControllerState) -> bool:
+    # Before its first frame the controller says that it waits, with the stamp of that very frame.
+    return state.mode != ControllerState.WAITING

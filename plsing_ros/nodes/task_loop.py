@@ -73,7 +73,7 @@ def run_in_nodes(
                 lambda: refused() or frames.have_come(stamp),
                 f"frame {len(rows) + 1} of {task.name}",
             )
-            if frames.state(stamp) is None:
+            if not frames.have_come(stamp):
                 rows.ended = f"lost: {simulator_states[-1].reason}"
                 break
             pose, twist, state = frames.of(stamp)

@@ -94,7 +94,8 @@ def plan_trajectory(
         found: The singular set of the observed lines.
         desired: T_scene_camera at a time since the start [s].
         duration: How long it takes [s].
-        options: How to plan; the margin is kept whole here, also where a way has corners.
+        options: How to plan; the margin is kept whole on the trajectory, also where a way has corners. An approach
+            keeps what plan_way keeps. Where the trajectory is faster than the limits, a way round may be as fast.
         start: Where the camera is at time 0; a way from there, within options.limits, then joins the trajectory as soon
             as it can. None: on the trajectory.
 
@@ -122,6 +123,8 @@ class _Planner:
     """Looks for pieces of a sampled trajectory and plans ways round."""
 
     def __init__(self, found: SingularSet, poses: list[Pose], times: Array, options: DetourOptions) -> None:
+        # A place where the trajectory goes on is no target, so it may be on a surface.
+        options = replace(options, accept_singular_target=True)
         self._found, self._poses, self._times, self._options = found, poses, times, options
         self._position = np.array([pose.translation for pose in poses])
         self._rotation = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
@@ -163,7 +166,7 @@ class _Planner:
                 best = piece
         if best is not None and best.closest > closest:
             return best
-        why = problems[-1] if problems else "a way round comes no less near"
+        why = problems[-1] if best is None else "a way round comes no less near"
         times = self._times[first : last + 1]
         return Piece(times, f"{near}: unchanged, as {why}", None, np.zeros(len(times)), closest, 0.0)
 
@@ -188,8 +191,7 @@ class _Planner:
             max(self._options.limits.angular, own[1]),
             self._options.limits.ramp,
         )
-        # A place where the trajectory goes on is no target, so it may be on a surface.
-        options = replace(self._options, margin=margin, limits=limits, accept_singular_target=True)
+        options = replace(self._options, margin=margin, limits=limits)
         plan = plan_way(self._found, self._poses[i], self._poses[j], options)
         if plan.path is None:
             return None, plan.reason
