@@ -19,7 +19,7 @@ from plsing_ros.singularities.four_lines import (
 )
 from plsing_ros.singularities.isolated_points import RESIDUAL_TOLERANCE, ComplexArray, solve_ten_points
 from plsing_ros.singularities.kernel_pencil import bilinear_tensor, newton
-from plsing_ros.singularities.parallel_classes import planes_with_isolated_points
+from plsing_ros.singularities.parallel_classes import plane_difference, planes_with_isolated_points
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
@@ -93,7 +93,7 @@ def _candidates(
         return None
     # A plane that is singular for all lines anyway does no harm.
     for plane in transversals.planes:
-        if not any(min(np.abs(plane - own).max(), np.abs(plane + own).max()) <= _ON_LOCUS for own in analysis.planes):
+        if not any(plane_difference(plane, own) <= _ON_LOCUS for own in analysis.planes):
             return None
     if ten is None:
         own = SceneFrame.recentered(four)

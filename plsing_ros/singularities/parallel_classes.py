@@ -58,28 +58,40 @@ def planes_with_isolated_points(frame: SceneFrame) -> list[Array] | None:
             others = _common(planes[:i] + planes[i + 1 :], direction)
             if found is None or others is None:
                 return None
-            found += [plane for plane in others if not any(_equal(plane, own) for own in found)]
+            found += [plane for plane in others if all(plane_difference(plane, own) > _ZERO for own in found)]
     return found
 
 
+def plane_difference(first: Array, second: Array) -> float:
+    """Return the largest difference of two planes' coordinates (a, b), whose sign means nothing."""
+    return float(min(np.abs(first - second).max(), np.abs(first + second).max()))
+
+
 def _common(planes: list[Array], axis: Array | None) -> list[Array] | None:
-    """Return the plane that all planes are, none if they differ or are not across an axis; None without planes."""
+    """Return the plane that all planes are, none if they differ or are not across an axis; None if that is not certain.
+
+    Without planes, it is not.
+    """
     if not planes:
         return None
-    if axis is not None and np.abs(cross(planes[0][:3], axis)).max() > _ZERO:
+    differences = [plane_difference(planes[0], plane) for plane in planes[1:]]
+    if axis is not None:
+        differences.append(float(np.abs(cross(planes[0][:3], axis)).max()))
+    if max(differences, default=0.0) > _CERTAIN:
         return []
-    return planes[:1] if all(_equal(planes[0], plane) for plane in planes) else []
+    return planes[:1] if max(differences, default=0.0) <= _ZERO else None
 
 
 def _classes(frame: SceneFrame) -> list[list[int]]:
-    """Return the rows of parallel lines, of each direction that two or more have."""
+    """Return the rows of parallel lines, of each direction that two or more have and that is no other one nearly."""
     left, classes = list(range(len(frame.direction))), []
     while left:
         sines = np.linalg.norm(cross(frame.direction[left], frame.direction[left[0]]), axis=1)
         parallel = [row for row, sine in zip(left, sines, strict=True) if sine <= _ZERO]
-        classes.append(parallel)
+        if len(parallel) > 1 and not ((sines > _ZERO) & (sines <= _CERTAIN)).any():
+            classes.append(parallel)
         left = [row for row in left if row not in parallel]
-    return [rows for rows in classes if len(rows) > 1]
+    return classes
 
 
 def _shape_of(direction: Array, point: Array) -> tuple[_Shape, Array]:
@@ -95,7 +107,3 @@ def _shape_of(direction: Array, point: Array) -> tuple[_Shape, Array]:
     circle = np.stack([x * x + y * y, x, y, np.ones_like(x)], axis=1)
     solid = len(point) > 3 and bool(np.linalg.svd(circle, compute_uv=False)[3] > _CERTAIN)
     return _Shape.SOLID if solid else _Shape.CYLINDER, plane
-
-
-def _equal(first: Array, second: Array) -> bool:
-    return bool(min(np.abs(first - second).max(), np.abs(first + second).max()) <= _ZERO)

@@ -46,11 +46,16 @@ def test_many_parallel_lines_and_another():
     np.testing.assert_allclose(plane.value(centers) / np.linalg.norm(plane.gradient(centers), axis=1), 0.0, atol=1e-6)
 
 
-def test_parallel_lines_on_a_circular_cylinder_stay_open():
-    angles = np.array([0.1, 1.2, 2.0, 3.9, 5.5])
+@pytest.mark.parametrize("tilt", [0.0, 5e-10, 3e-9])
+@pytest.mark.parametrize("count", [4, 5])
+def test_parallel_lines_on_a_circular_cylinder_stay_open(count, tilt):
+    """Also where two of them are tilted by so little that the others may be parallel to them or not."""
+    angles = np.array([0.1, 1.2, 2.0, 3.9, 5.5][:count])
     points = [*np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1), [0.3, 0.2, 0.5]]
-    found = singular_set(line_set((points, [Z] * 5 + [[1, 2, 1]])))
-    assert found.isolated_status is IsolatedStatus.UNRESOLVED
+    found = singular_set(line_set((points, [Z] * (count - 2) + [[tilt, 0.0, 1.0]] * 2 + [[1, 2, 1]])))
+    # Five lines that are tilted have a point that is singular to rounding.
+    assert found.isolated_status is (IsolatedStatus.FINITE if count == 5 and tilt > 1e-9 else IsolatedStatus.UNRESOLVED)
+    assert (found.isolated_point_residuals <= 1e-9).all()
 
 
 def test_a_singular_plane_without_transversals():
@@ -94,6 +99,21 @@ def test_the_point_of_a_plane_that_two_other_lines_leave(flat, heights, tilts, p
     more = line_set(([*points, *feet, [0.4, 0.3, 2.0]], [*flat, *directions, [1.0, 1.0, 0.5]]))
     assert smallest_ratio(more, center) > 1e-9
     assert len(singular_set(more).isolated_points) == 0
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 2e-9, 3e-9])
+def test_a_point_of_two_planes_that_are_nearly_one_is_found(apart):
+    """Two pairs whose planes are neither equal nor certainly different: singular to rounding at a point near both."""
+    center = np.array([0.3, -0.2, 0.0])
+    feet = [[1.5, 0.7, 0.0], [-0.6, 1.9, 0.0]]
+    points = [[0.0, 1.0, 0.0], [0.0, -1.3, 0.0], [1.0, 0.0, apart], [-1.2, 0.0, apart], *feet]
+    to_feet = np.array(feet) - center
+    across = np.cross(Z, to_feet / np.linalg.norm(to_feet, axis=1, keepdims=True))
+    found = singular_set(line_set((points, [X, X, Y, Y, *(across + [[0.0, 0.0, 0.9], [0.0, 0.0, -0.5]])])))
+    assert found.isolated_status is IsolatedStatus.FINITE
+    (point,) = found.isolated_points
+    np.testing.assert_allclose(point, center, atol=1e-7)
+    assert smallest_ratio(found.lines, point) <= 1e-9
 
 
 def test_two_classes_that_disagree_leave_nothing():
