@@ -8,6 +8,7 @@ import numpy as np
 
 from plsing_ros import kernels
 from plsing_ros.arrays import Array
+from plsing_ros.errors import GeometryError
 from plsing_ros.features.factorisation import not_finite, rows_of
 
 
@@ -34,7 +35,12 @@ def difference(image: Array, desired: Array) -> tuple[Array, float]:
     Args:
         image: s, shape (m,).
         desired: s*, shape (m,).
+
+    Raises:
+        GeometryError: If the lengths differ.
     """
+    if len(image) != len(desired):
+        raise GeometryError(f"s has {len(image)} values and s* has {len(desired)}; they must be as many")
     error = np.empty(len(image))
     return error, kernels.subtract(image, desired, error)
 
@@ -49,12 +55,15 @@ def solved(matrix: Array, right_side: Array, factor: float = 1.0, threshold: flo
         threshold: Singular values up to this times the largest are taken as zero.
 
     Raises:
-        GeometryError: If the matrix has another shape or is not finite.
+        GeometryError: If the matrix has another shape or is not finite, or the right side is of another length.
     """
     rows = rows_of(matrix)
     m, k = rows.shape
-    if m > len(right_side):
-        right_side = np.concatenate([right_side, np.zeros(m - len(right_side))])
+    given = len(right_side)
+    if given != len(matrix):
+        raise GeometryError(f"the right side has {given} values for an interaction matrix of {len(matrix)} rows")
+    if m > given:
+        right_side = np.concatenate([right_side, np.zeros(m - given)])
     values, right, components, solution = np.empty(k), np.empty((k, k)), np.empty(k), np.empty(k)
     if not kernels.solve(rows, right_side, values, right, components, solution, factor, threshold):
         raise not_finite()
