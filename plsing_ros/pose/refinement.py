@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plsing_ros import kernels
-from plsing_ros.arrays import Array, BoolArray
+from plsing_ros.arrays import Array
 from plsing_ros.pose.residuals import ImageResiduals, Residuals
 
 
@@ -19,20 +19,14 @@ class Refined:
         rotation: Shape (k, 3, 3).
         translation: Shape (k, 3) [m].
         residuals: At these poses.
-        gain: By how much the last step would have lowered the sum of squared residuals had they been linear (k,).
-        final: Which are at a minimum, (k,).
     """
 
     rotation: Array
     translation: Array
     residuals: Residuals
-    gain: Array
-    final: BoolArray
 
 
-def refine(
-    image: ImageResiduals, rotation: Array, translation: Array, iterations: int, weight: Array | None = None
-) -> Refined:
+def refine(image: ImageResiduals, rotation: Array, translation: Array, iterations: int, weight: Array) -> Refined:
     """Return poses after Levenberg-Marquardt steps: virtual visual servoing with a step that cannot diverge.
 
     Args:
@@ -40,12 +34,11 @@ def refine(
         rotation: Of T_camera_world, shape (k, 3, 3).
         translation: Shape (k, 3) [m].
         iterations: At most so many steps.
-        weight: Of each line for each pose, 0 or 1, shape (k, n); None for 1.
+        weight: Of each line for each pose, 0 or 1, shape (k, n).
 
-    Source: kernels.refine_poses.
+    Source: section "Pose Estimation along a quadrifolium trajectory", with damping: see kernels.refine_poses.
     """
     k = len(rotation)
-    weight = np.ones((k, image.count)) if weight is None else weight
     rotation, translation, gain, final = rotation.copy(), translation.copy(), np.empty(k), np.empty(k)
     kernels.refine_poses(*image.known, weight, rotation, translation, gain, final, iterations)
-    return Refined(rotation, translation, image.at(rotation, translation), gain, final > 0.0)
+    return Refined(rotation, translation, image.at(rotation, translation))

@@ -49,10 +49,6 @@ class Residuals:
 
     table: Array
 
-    def of_pose(self, i: int) -> Residuals:
-        """Return those of one pose alone, k = 1."""
-        return Residuals(self.table[i : i + 1])
-
     @property
     def raw(self) -> Array:
         """Angle [rad] and offset of the lines minus the observed ones, shape (k, 2, n)."""
