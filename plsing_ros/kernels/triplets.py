@@ -66,8 +66,8 @@ def triplet_rotations(
         triplet: Filled alike, the triplet of each, shape (8 T,).
         degenerate: Filled, 1 where the polynomial vanishes and any rotation about an axis would do, else 0, shape (T,).
 
-    Source: the eight solutions are those of Chen 1991 and of Xu, Zhang, Cheng, Koch 2017; the sampling is new
-    (docs/pose.md).
+    Source: the eight solutions are those of Chen 1991 and of Xu, Zhang, Cheng, Koch 2017; the sampling is new,
+    docs/pose.md section "Three lines".
     """
     count = np.arange(len(frame))
     image_frame = rotations_to_z(normals[:, 0])

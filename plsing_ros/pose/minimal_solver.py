@@ -60,7 +60,7 @@ class TripletRotations(NamedTuple):
 
     Attributes:
         rotation: Of one triplet after the other, shape (k, 3, 3); see kernels.triplet_rotations.
-        triplet: Which triplet each belongs to, shape (k,).
+        triplet: Row of the triplet each belongs to, shape (k,): whole numbers, as floats like all that kernels fill.
         degenerate: Triplets without finitely many solutions, shape (T,).
     """
 
@@ -76,7 +76,8 @@ def rotations_from_triplets(image_normals: Array, triplets: TripletDirections) -
         image_normals: Unit normals of the lines' interpretation planes in the camera frame, shape (n, 3).
         triplets: Of the scene.
 
-    Source: kernels.triplet_rotations.
+    Source: docs/pose.md section "Three lines", see kernels.triplet_rotations; the paper uses RPnL (section "Pose
+    Estimation along a quadrifolium trajectory").
     """
     count = len(triplets.rows)
     rotation, triplet, degenerate = np.empty((8 * count, 3, 3)), np.empty(8 * count), np.empty(count)

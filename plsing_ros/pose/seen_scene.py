@@ -19,11 +19,16 @@ _FEW = 10
 
 
 class SeenScene:
-    """At least three lines in the world frame, prepared for estimates; `coordinates` are directions and moments (n, 6).
+    """At least three lines in the world frame, prepared for estimates.
 
     Args:
         lines: The lines.
         settings: Backend and number of triplets.
+
+    Attributes:
+        lines: The lines.
+        coordinates: Their unit directions and moments, [-, m], shape (n, 6).
+        triplets: The few that are tried first.
 
     Raises:
         ParameterError: If the backend is not installed.

@@ -74,7 +74,7 @@ def adaptive_damping(values: Array, onset: float, largest: float) -> Array:
 
 def smooth_step(ratio: Array) -> Array:
     """Return 0 for ratios up to 0, 1 from 1 on, and r^2 (3 - 2 r) between: continuous with its slope."""
-    # np.clip takes three times as long.
+    # Not np.clip, whose checks cost more than both of these.
     r = np.minimum(np.maximum(ratio, 0.0), 1.0)
     step: Array = r * r * (3.0 - 2.0 * r)
     return step

@@ -16,7 +16,7 @@ from plsing_ros.servoing.laws.twist_law import LawTwist
 def plain_twist(
     parameters: ControllerParameters, lines: LineSet, image: Array, desired: Array
 ) -> tuple[LawTwist, float]:
-    """Return what law_twist does where parameters.is_plain, and |s - s*|, in half the time.
+    """Return what law_twist does where parameters.is_plain, and |s - s*|, without the cost of its options.
 
     Args:
         parameters: Gain and threshold.

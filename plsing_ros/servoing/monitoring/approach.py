@@ -17,8 +17,9 @@ _AT_REST = 1e-9  # [m/s]
 _ALONG = 0.02
 # Nearer in time than this to the closest point, the camera is passing.
 _PASSING = 0.1  # [s]
-# See kernels.approach.
-_LEFT_OUT = -1.0
+# Roles for kernels.approach: of lines and points the closest place on the way counts, of surfaces where the way goes
+# through, and observed lines do not count.
+_LINE_OR_POINT, _SURFACE, _LEFT_OUT = 0.0, 1.0, -1.0
 
 
 class Trend(enum.IntEnum):
@@ -110,6 +111,7 @@ class ApproachTable:
 
 
 def _role(kind: Kind) -> float:
+    """Return the role of a kind of locus in kernels.approach."""
     if kind is Kind.OBSERVED_LINE:
         return _LEFT_OUT
-    return 1.0 if kind in (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC) else 0.0
+    return _SURFACE if kind in (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC) else _LINE_OR_POINT
