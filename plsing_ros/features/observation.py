@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field
+from itertools import compress
 
 import numpy as np
 
@@ -38,6 +39,8 @@ class LineObservation:
             lines only, or if no row is usable.
         verdict: How far lines_camera can be trusted.
         verdict_reason: Why, in words; empty if GIVEN or OK.
+        usable_ids: Ids of the usable rows, in order.
+        usable_image_lines: Their image lines, shape (k, 3).
 
     Raises:
         ObservationError: If a value is not finite, lengths differ, ids repeat, a usable image line is not normalised,
@@ -50,7 +53,8 @@ class LineObservation:
     lines_camera: LineSet | None
     verdict: LinesVerdict = LinesVerdict.GIVEN
     verdict_reason: str = ""
-    _all_usable: bool = field(init=False, repr=False)
+    usable_ids: tuple[int, ...] = field(init=False, repr=False)
+    usable_image_lines: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         n = len(self.ids)
@@ -68,22 +72,15 @@ class LineObservation:
         usable.setflags(write=False)
         object.__setattr__(self, "image_lines", image)
         object.__setattr__(self, "usable", usable)
+        used, seen = self.ids, image
         # Many times as fast as usable.all().
-        object.__setattr__(self, "_all_usable", np.count_nonzero(usable) == n)
+        if np.count_nonzero(usable) != n:
+            used, seen = tuple(compress(self.ids, usable.tolist())), image[usable]
+            seen.setflags(write=False)
+        object.__setattr__(self, "usable_ids", used)
+        object.__setattr__(self, "usable_image_lines", seen)
         if self.lines_camera is not None and self.lines_camera.ids != self.usable_ids:
             raise ObservationError(f"3-D lines have ids {self.lines_camera.ids}, expected {self.usable_ids}")
-
-    @property
-    def usable_ids(self) -> tuple[int, ...]:
-        """Ids of the usable rows, in order."""
-        if self._all_usable:
-            return self.ids
-        return tuple(i for i, use in zip(self.ids, self.usable, strict=True) if use)
-
-    @property
-    def usable_image_lines(self) -> Array:
-        """Image lines of the usable rows, in order, shape (k, 3)."""
-        return self.image_lines if self._all_usable else self.image_lines[self.usable]
 
     @classmethod
     def of_lines(cls, lines_camera: LineSet) -> LineObservation:
