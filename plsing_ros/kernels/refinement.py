@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plsing_ros.arrays import Array
-from plsing_ros.kernels.residuals import image_jacobians, image_residuals, whitened
+from plsing_ros.kernels.residuals import RESIDUAL_ROWS, image_jacobians, image_residuals, whitened
 from plsing_ros.kernels.rotations import rotations_near
 
 _FIRST_DAMPING = 1e-6
@@ -51,7 +51,7 @@ def refine_poses(
     gain[:], final[:] = np.inf, 0.0
     damping: Array = np.full(k, _FIRST_DAMPING)
     moving = np.ones(k, dtype=bool)
-    now, new = np.empty((k, 15, n)), np.empty((k, 15, n))
+    now, new = np.empty((k, RESIDUAL_ROWS, n)), np.empty((k, RESIDUAL_ROWS, n))
     raw, jacobian = np.empty((k, 2, n, 6)), np.empty((k, 2, n, 6))
     lowest = np.full(k, np.inf)
     for _ in range(iterations):

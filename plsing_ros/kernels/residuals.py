@@ -7,6 +7,8 @@ import numpy as np
 from plsing_ros.arrays import Array
 from plsing_ros.kernels.rotations import skew_matrices
 
+# Rows of the table of image_residuals.
+RESIDUAL_ROWS = 15
 _SMALLEST_DEPTH = 1e-12
 
 
@@ -22,10 +24,10 @@ def image_residuals(
             the cosine of half of the field of view; shape (4,).
         rotation: Shape (k, 3, 3).
         translation: Shape (k, 3) [m].
-        table: Filled, shape (k, 15, n); rows: angle [rad] and offset minus the observed ones; the same whitened; the
-            whitening's entries (0, 0), (1, 0), (1, 1); the line as a vector, directed as it is seen (3); its
-            direction / delta along the image line and along z [1/m]; 1 if it is seen against its direction; 1 if it
-            has no part that can be seen; logarithm of its covariance's determinant.
+        table: Filled, shape (k, RESIDUAL_ROWS, n); rows: angle [rad] and offset minus the observed ones; the same
+            whitened; the whitening's entries (0, 0), (1, 0), (1, 1); the line as a vector, directed as it is seen (3);
+            its direction / delta along the image line and along z [1/m]; 1 if it is seen against its direction; 1 if
+            it has no part that can be seen; logarithm of its covariance's determinant.
 
     Source: eq. plucker2dline in the coordinates (angle, offset) of an image line, and its covariance: docs/pose.md.
     """
@@ -66,7 +68,7 @@ def image_jacobians(table: Array, raw: Array, value: Array) -> None:
     """Fill the derivatives of residuals by the twist (v, omega) of the camera in its own frame.
 
     Args:
-        table: Of image_residuals, shape (k, 15, n).
+        table: Of image_residuals, shape (k, RESIDUAL_ROWS, n).
         raw: Filled, of angle and offset, shape (k, 2, n, 6).
         value: Filled, of the same whitened, shape (k, 2, n, 6).
 

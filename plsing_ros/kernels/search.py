@@ -7,11 +7,13 @@ import numpy.typing as npt
 
 from plsing_ros.arrays import Array
 from plsing_ros.kernels.refinement import refine_poses
-from plsing_ros.kernels.residuals import image_residuals
+from plsing_ros.kernels.residuals import RESIDUAL_ROWS, image_residuals
 
 # Refined first estimates, and how many of the best are looked at to find ones that differ.
 MOST_FOUND = 6
 _MOST_COMPARED = 24
+# Of a pose that is found: rotation (9), translation (3), cost, and which first estimate it comes from.
+FOUND_COLUMNS = 14
 # First estimates that differ by less than this are taken for the same one with different noise.
 _SAME_ROTATION = 0.03  # [rad]
 # Refined are those whose cost exceeds the best one's by less than this, in squared standard deviations.
@@ -46,12 +48,12 @@ def search_poses(
         rotation: First estimates, shape (k, 3, 3).
         translation: Shape (k, 3) [m].
         costs: Of a line that cannot be seen, and of one that is seen against its direction, shape (2,).
-        found: Filled from the first row on, best first, shape (6, 14): rotation (9), translation (3), cost, and which
-            first estimate it comes from. Costs are -2 log of the likelihood of the image, up to a constant.
+        found: Filled from the first row on, best first, shape (MOST_FOUND, FOUND_COLUMNS). Costs are -2 log of the
+            likelihood of the image, up to a constant.
     """
 
     def cost_of(rotation: Array, translation: Array) -> Array:
-        table = np.empty((len(rotation), 15, len(lines)))
+        table = np.empty((len(rotation), RESIDUAL_ROWS, len(lines)))
         image_residuals(lines, image_lines, settings, rotation, translation, table)
         cost = table[:, 2] ** 2 + table[:, 3] ** 2 + table[:, 14] + costs[0] * table[:, 13] + costs[1] * table[:, 12]
         total: Array = cost.sum(axis=1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.kernels.refinement import moved_poses, squared_misfit
-from plsing_ros.kernels.residuals import image_jacobians, image_residuals, whitened
+from plsing_ros.kernels.residuals import RESIDUAL_ROWS, image_jacobians, image_residuals, whitened
 
 # Below this share of the largest singular value the weak motion is not determined at all.
 _UNDETERMINED = 1e-13
@@ -47,7 +47,7 @@ def pose_uncertainty(
     Source: first-order propagation, docs/pose.md.
     """
     n = len(lines)
-    here = np.empty((1, 15, n))
+    here = np.empty((1, RESIDUAL_ROWS, n))
     image_residuals(lines, image_lines, settings, rotation[np.newaxis], translation[np.newaxis], here)
     raw, jacobian = np.empty((1, 2, n, 6)), np.empty((1, 2, n, 6))
     image_jacobians(here, raw, jacobian)
@@ -70,7 +70,7 @@ def pose_uncertainty(
     figures[2:] = _LARGEST, raw_size[-1] / raw_size[0], squared[0]
     probes = _PROBE * (deviation[:2, np.newaxis] * axes[:2])
     if np.abs(probes[:, 3:]).max() <= 1.0:
-        there = np.empty((4, 15, n))
+        there = np.empty((4, RESIDUAL_ROWS, n))
         moved = moved_poses(np.concatenate([probes, -probes]), rotation, translation)
         image_residuals(lines, image_lines, settings, *moved, there)
         squares = squared_misfit(whitened(there[:, :2], here[:, 4:7]), np.broadcast_to(weight, (4, n)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from plsing_ros import kernels
 from plsing_ros.arrays import Array, BoolArray
-from plsing_ros.kernels.search import MOST_FOUND, different_poses
+from plsing_ros.kernels.search import FOUND_COLUMNS, MOST_FOUND, different_poses
 from plsing_ros.pose.refinement import refine
 from plsing_ros.pose.residuals import ImageResiduals, Residuals
 
@@ -82,7 +82,7 @@ class Costs:
 
 def all_lines_hypotheses(image: ImageResiduals, rotation: Array, translation: Array, costs: Costs) -> list[Hypothesis]:
     """Return refined poses that rest on all lines, best first; see outlier_hypotheses for the arguments."""
-    found = np.empty((MOST_FOUND, 14))
+    found = np.empty((MOST_FOUND, FOUND_COLUMNS))
     count = kernels.search_poses(*image.known, rotation, translation, np.array([costs.outlier, costs.reversal]), found)
     weight = np.ones(image.count)
     start = [int(i) for i in found[:count, 13].tolist()]

@@ -10,8 +10,7 @@ import numpy as np
 
 from plsing_ros import kernels
 from plsing_ros.arrays import Array, BoolArray
-
-_ROWS = 15
+from plsing_ros.kernels.residuals import RESIDUAL_ROWS
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Residuals:
     """What k poses make of n image lines.
 
     Attributes:
-        table: As kernels.image_residuals fills it, shape (k, 15, n).
+        table: As kernels.image_residuals fills it, shape (k, RESIDUAL_ROWS, n).
     """
 
     table: Array
@@ -121,6 +120,6 @@ class ImageResiduals:
             rotation: Shape (k, 3, 3).
             translation: Shape (k, 3) [m].
         """
-        table = np.empty((len(rotation), _ROWS, self.count))
+        table = np.empty((len(rotation), RESIDUAL_ROWS, self.count))
         kernels.image_residuals(*self.known, rotation, translation, table)
         return Residuals(table)

@@ -12,7 +12,8 @@ from plsing_ros import kernels
 from plsing_ros.features import interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.kernels import compiled, of_numpy
-from plsing_ros.kernels.search import MOST_FOUND
+from plsing_ros.kernels.residuals import RESIDUAL_ROWS
+from plsing_ros.kernels.search import FOUND_COLUMNS, MOST_FOUND
 from plsing_ros.kernels.triplets import SAMPLING
 from plsing_ros.parameters import EstimationParameters
 from plsing_ros.pose import PoseEstimator
@@ -38,7 +39,7 @@ def pose_of(rotation, translation):
 
 
 def tabled(the, scene, *poses):
-    table = np.empty((len(poses), 15, len(scene[0])))
+    table = np.empty((len(poses), RESIDUAL_ROWS, len(scene[0])))
     the.image_residuals(*scene, *arrays(*poses), table)
     return table
 
@@ -214,7 +215,7 @@ def test_the_search_finds_the_pose_once_and_says_where_from(the):
     far = [Pose.looking_at(generator.normal(scale=4.0, size=3), (0.0, 0.0, 0.0)) for _ in range(30)]
     near = [pose.moved(generator.normal(scale=0.02, size=6), 1.0) for _ in range(3)]
     rotation, translation = arrays(*far, *near)
-    found = np.full((MOST_FOUND, 14), np.nan)
+    found = np.full((MOST_FOUND, FOUND_COLUMNS), np.nan)
     count = the.search_poses(*scene, rotation, translation, COSTS, found)
     assert 1 <= count <= MOST_FOUND
     found = found[:count]
@@ -231,7 +232,7 @@ def test_the_search_finds_the_pose_once_and_says_where_from(the):
 def test_the_search_among_none_or_what_is_no_number_finds_none(the):
     lines, pose = random_view(np.random.default_rng(3), 4)
     scene = known(lines, image_of(lines, pose).image_lines)
-    found = np.empty((MOST_FOUND, 14))
+    found = np.empty((MOST_FOUND, FOUND_COLUMNS))
     assert the.search_poses(*scene, np.empty((0, 3, 3)), np.empty((0, 3)), COSTS, found) == 0
     with np.errstate(all="ignore"):
         assert the.search_poses(*scene, np.full((2, 3, 3), np.nan), np.zeros((2, 3)), COSTS, found) == 0
@@ -327,16 +328,22 @@ SCENE_ARRAYS = np.ones((4, 6)), np.ones((4, 3)), np.ones(4)
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
-        ("image_residuals", (*SCENE_ARRAYS, np.ones((2, 3, 3)), np.ones((2, 3)), np.ones((2, 14, 4)))),
+        ("image_residuals", (*SCENE_ARRAYS, np.ones((2, 3, 3)), np.ones((2, 3)), np.ones((2, RESIDUAL_ROWS - 1, 4)))),
         (
             "image_residuals",
-            (np.ones((3, 6)), *SCENE_ARRAYS[1:], np.ones((2, 3, 3)), np.ones((2, 3)), np.ones((2, 15, 4))),
+            (np.ones((3, 6)), *SCENE_ARRAYS[1:], np.ones((2, 3, 3)), np.ones((2, 3)), np.ones((2, RESIDUAL_ROWS, 4))),
         ),
         ("image_residuals", (np.ones((0, 6)), np.ones((0, 3)), np.ones(4), np.eye(3), np.ones(3), np.ones(0))),
-        ("image_jacobians", (np.ones((2, 15, 4)), np.ones((2, 2, 4, 6)), np.ones((2, 2, 3, 6)))),
+        ("image_jacobians", (np.ones((2, RESIDUAL_ROWS, 4)), np.ones((2, 2, 4, 6)), np.ones((2, 2, 3, 6)))),
         ("refine_poses", (*SCENE_ARRAYS, np.ones((2, 3)), np.ones((2, 9)), np.ones((2, 3)), np.ones(2), np.ones(2), 3)),
-        ("search_poses", (*SCENE_ARRAYS, np.ones((2, 9)), np.ones((3, 3)), COSTS, np.ones((MOST_FOUND, 14)))),
-        ("search_poses", (*SCENE_ARRAYS, np.ones((2, 9)), np.ones((2, 3)), COSTS, np.ones((MOST_FOUND - 1, 14)))),
+        (
+            "search_poses",
+            (*SCENE_ARRAYS, np.ones((2, 9)), np.ones((3, 3)), COSTS, np.ones((MOST_FOUND, FOUND_COLUMNS))),
+        ),
+        (
+            "search_poses",
+            (*SCENE_ARRAYS, np.ones((2, 9)), np.ones((2, 3)), COSTS, np.ones((MOST_FOUND - 1, FOUND_COLUMNS))),
+        ),
         ("translations", (np.ones((2, 9)), np.ones((4, 3)), np.ones((5, 3)), np.ones((2, 3)))),
         ("translations", (np.ones((2, 9)), np.ones((0, 3)), np.ones((0, 3)), np.ones((2, 3)))),
         (
