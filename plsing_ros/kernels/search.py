@@ -24,8 +24,8 @@ _STAGES = ((3, _FAR), (8, 1e3), (40, 1e3))
 # what its last step promised.
 _OPTIMISM = 3.0
 _IMPLAUSIBLE = 30.0
-# Refined poses that differ by less, in any element of the rotation and relatively in the centre, are the same.
-_EQUAL = 1e-3
+# Refined poses that differ by less, as same_pose has it, are the same.
+EQUAL = 1e-3
 
 
 def search_poses(
@@ -85,14 +85,27 @@ def search_poses(
     # Costs that are the same but for rounding leave poses in the order of their first estimates.
     for i in np.argsort(np.round(cost, 3), kind="stable"):
         if np.isfinite(cost[i]) and not any(
-            np.abs(rotation[j] - rotation[i]).max() < _EQUAL
-            and np.abs(center[j] - center[i]).max() < _EQUAL * (1.0 + np.abs(center[j]).max())
-            for j in rows
+            same_pose((rotation[j], center[j]), (rotation[i], center[i]), EQUAL) for j in rows
         ):
             rows.append(int(i))
     parts = rotation[rows].reshape(-1, 9), translation[rows], cost[rows, np.newaxis], start[rows, np.newaxis]
     found[: len(rows)] = np.concatenate(parts, axis=1)
     return len(rows)
+
+
+def same_pose(first: tuple[Array, Array], second: tuple[Array, Array], tolerance: float) -> bool:
+    """Return whether two poses differ by less than a tolerance, in every element.
+
+    Args:
+        first: Rotation, shape (3, 3), and camera centre, shape (3,) [m].
+        second: Likewise.
+        tolerance: Of the rotation; the centre's is this times (1 m + the first centre's largest element).
+    """
+    (rotation, center), (other_rotation, other_center) = first, second
+    return bool(
+        np.abs(rotation - other_rotation).max() < tolerance
+        and np.abs(center - other_center).max() < tolerance * (1.0 + np.abs(center).max())
+    )
 
 
 def different_poses(rotation: Array, cost: Array, most: int) -> npt.NDArray[np.intp]:

@@ -12,6 +12,7 @@ from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.rotations import rotation_vector
+from plsing_ros.kernels.search import EQUAL, same_pose
 from plsing_ros.parameters.pose_estimator import EstimationParameters
 from plsing_ros.pose.covariance import Uncertainty, uncertainty
 from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate
@@ -24,7 +25,6 @@ from plsing_ros.pose.verdict import judge
 _MOST_SCENES = 64
 # Two poses differ when the covariance puts them apart by more than this, squared.
 _APART = 9.0
-_EQUAL = 1e-3
 
 
 class PoseEstimator:
@@ -189,7 +189,4 @@ def _within(hypothesis: Hypothesis, last: Pose, distance: float, angle: float) -
 
 
 def _same(first: Hypothesis, second: Hypothesis) -> bool:
-    return bool(
-        np.abs(first.rotation - second.rotation).max() < _EQUAL
-        and np.abs(first.center - second.center).max() < _EQUAL * (1.0 + np.abs(first.center).max())
-    )
+    return same_pose((first.rotation, first.center), (second.rotation, second.center), EQUAL)

@@ -13,12 +13,15 @@ from plsing_ros.arrays import Array, BoolArray, checked_array, cross
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.kernels.rotations import rotations_near
+from plsing_ros.kernels.search import same_pose
 from plsing_ros.kernels.triplets import SAMPLING, rotations_to_z
 
 # Below this, relative to what generic lines give, the polynomial or a cross product counts as zero.
 _DEGENERATE = 1e-10
 # Largest |n . R u| of a rotation, and largest |n . (R x + t)| over the size of the scene, of a pose that is a solution.
 _SOLVED = 1e-9
+# Solutions that differ by less, as same_pose has it, are the same.
+_EQUAL = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,13 +128,13 @@ def solve_three_lines(image_lines: npt.ArrayLike, lines: LineSet) -> list[Pose]:
     point = lines.point - center
     residual = np.abs(np.einsum("ij,kij->ki", normals, lines.direction @ rotation.transpose(0, 2, 1))).max(axis=1)
     translation = translations(normals, rotation, point)
-    poses: list[Pose] = []
+    poses: list[tuple[Array, Array]] = []
     for i in np.flatnonzero(residual <= _SOLVED):
         R, t = rotation[i], translation[i]
-        pose = Pose(R.T, center - R.T @ t)
-        if not any(_same(pose, other) for other in poses):
+        pose = R.T, center - R.T @ t
+        if not any(same_pose(pose, other, _EQUAL) for other in poses):
             poses.append(pose)
-    return poses
+    return [Pose(*pose) for pose in poses]
 
 
 def translations(image_normals: Array, rotation: Array, points: Array) -> Array:
@@ -157,10 +160,3 @@ def _polished(rotation: Array, normals: Array, directions: Array) -> Array:
         size = np.linalg.norm(step, axis=1, keepdims=True)
         rotation = rotations_near(step * np.minimum(1.0, 0.3 / np.maximum(size, 0.3))) @ rotation
     return rotation
-
-
-def _same(first: Pose, second: Pose) -> bool:
-    far = np.abs(first.translation - second.translation).max()
-    return bool(
-        np.abs(first.rotation - second.rotation).max() < 1e-7 and far < 1e-7 * (1 + np.abs(first.translation).max())
-    )
