@@ -96,6 +96,11 @@ class Pose:
         """T_a_c = T_a_b @ T_b_c."""
         return Pose(self.rotation @ other.rotation, self.rotation @ other.translation + self.translation)
 
+    def is_close(self, other: Pose, tolerance: float) -> bool:
+        """Return whether every element of rotation and translation [m] differs by less than a tolerance."""
+        apart = np.abs(self.translation - other.translation).max()
+        return bool(max(apart, np.abs(self.rotation - other.rotation).max()) < tolerance)
+
     def moved(self, twist: npt.ArrayLike, duration: float) -> Pose:
         """Return the pose of frame b after it moved with a constant twist, expressed in itself.
 

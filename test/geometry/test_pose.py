@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 from scipy.linalg import expm
 from strategies import numbers, poses, twists, vectors
 
@@ -51,6 +52,17 @@ def test_thousands_of_steps_stay_a_rotation():
 def test_quaternion_round_trip(pose):
     again = Pose.from_quaternion(pose.translation, pose.quaternion_xyzw)
     np.testing.assert_allclose(matrix(again), matrix(pose), atol=1e-12)
+
+
+@given(pose=poses(), row=st.integers(0, 5), tolerance=numbers(1e-6, 1e-2))
+def test_poses_are_close_if_every_element_is(pose, row, tolerance):
+    def moved_by(step):
+        return pose.moved(np.eye(6)[row] * step, 1.0)
+
+    assert pose.is_close(pose, tolerance)
+    assert pose.is_close(moved_by(0.9 * tolerance), tolerance)
+    # Of a vector of length 1, or a rotation, some element changes by 1 / sqrt(3) of the step at least.
+    assert not pose.is_close(moved_by(2.0 * tolerance), tolerance)
 
 
 @given(center=vectors(), viewed=vectors())

@@ -39,9 +39,7 @@ class WayKeeper:
 
     def leads_to(self, T_scene_target: Pose) -> bool:
         """Return whether this is the target, to rounding: the same message sent again is no new target."""
-        apart = np.abs(T_scene_target.translation - self._target.translation).max()
-        turned = np.abs(T_scene_target.rotation - self._target.rotation).max()
-        return bool(max(apart, turned) < _SAME)
+        return T_scene_target.is_close(self._target, _SAME)
 
     def reference(
         self, parameters: ControllerParameters, seen: LineSet, stamp: int, factor: float
