@@ -55,7 +55,7 @@ def test_a_reversed_line_is_named(lines, pose):
     misfit = np.array([misfit_without(lines, turned, row) for row in range(4)])
     assume(not ((misfit > 1e-7) & (misfit < 1e-3)).any())
     assert misfit[2] <= 1e-7
-    assert lines_to_reverse(lines, turned, 1e-5) == (int(np.flatnonzero(misfit <= 1e-7)[0]) + 1,)
+    assert lines_to_reverse(lines, turned, 1e-6) == (int(np.flatnonzero(misfit <= 1e-7)[0]) + 1,)
 
 
 def test_what_does_not_fix_a_pose_is_refused():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import seen_lines, vectors
 
@@ -36,6 +36,27 @@ def test_it_is_the_law_with_all_its_options_when_none_is_in_use(lines, numbers, 
     np.testing.assert_array_equal(found.values, expected.values)
     assert (found.gain, found.damping, found.health) == (expected.gain, expected.damping, expected.health)
     assert error_norm == norm
+
+
+@given(
+    lines=seen_lines(min_size=1),
+    numbers=vectors(24, -1.0, 1.0),
+    gain=st.sampled_from([0.1, 1000.0]),
+    threshold=st.sampled_from([1e-12, 1e-2]),
+)
+def test_it_is_least_squares_by_another_library(lines, numbers, gain, threshold):
+    image, desired = np.resize(numbers, (2, 3 * len(lines)))
+    L = interaction_matrix(lines)
+    values = np.linalg.svd(L, compute_uv=False)
+    ratio = values / values[0]
+    # No singular value that rounding may put on the other side of the threshold.
+    assume(not ((ratio > 1e-14) & (ratio < 1e-4)).any() and (np.abs(ratio - threshold) > 1e-13).all())
+    expected = -gain * np.linalg.lstsq(L, image - desired, rcond=threshold)[0]
+    found, error_norm = plain_twist(parameters(gain=gain, pinv_threshold=threshold), lines, image, desired)
+    least = values[ratio > threshold].min()
+    allowed = 1e-14 * gain * np.linalg.norm(image - desired) * values[0] / least**2
+    np.testing.assert_allclose(found.twist, expected, rtol=0.0, atol=allowed)
+    assert error_norm == pytest.approx(np.linalg.norm(image - desired), rel=1e-14)
 
 
 @pytest.mark.parametrize(
