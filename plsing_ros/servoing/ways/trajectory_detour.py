@@ -135,7 +135,7 @@ class _Planner:
 
     def pieces(self, start: Pose | None) -> tuple[Piece, ...]:
         pieces, begin = [], 0
-        if start is not None and not _same(start, self._poses[0]):
+        if start is not None and not start.is_close(self._poses[0], 1e-6):
             pieces.append(self._approach(start))
             begin = int(np.searchsorted(self._times, pieces[0].times[-1]))
         while begin < len(self._times) - 1:
@@ -240,11 +240,6 @@ class _Planner:
         apart = np.linalg.norm(position - self._position[i : j + 1], axis=1)
         closest = float(self._clearance.distances(position).min())
         return Piece(self._times[i : j + 1], plan.reason, plan.path, progress, closest, float(apart.max()))
-
-
-def _same(a: Pose, b: Pose) -> bool:
-    apart = [np.abs(a.translation - b.translation).max(), np.abs(a.rotation - b.rotation).max()]
-    return bool(max(apart) < 1e-6)
 
 
 def _speeds(position: Array, rotation: Rotation, times: Array) -> tuple[float, float]:
