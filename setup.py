@@ -24,7 +24,7 @@ setup(
         (str(SHARE), ["package.xml"]),
         *config_files(),
     ],
-    package_data={NAME: ["py.typed", "*.pyi"]},
+    package_data={NAME: ["py.typed"], f"{NAME}.kernels": ["*.pyi"]},
     ext_modules=[
         # Without a C compiler the package works all the same, slower (plsing_ros/kernels/).
         Extension(
