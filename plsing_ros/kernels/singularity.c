@@ -113,7 +113,7 @@ static void golub_kahan_step(double *d, double *e, int n, double nothing)
 }
 
 /* Return the smallest over the largest singular value of a bidiagonal matrix without negative elements, or NaN if it is
- * not finite. */
+ * not finite or the steps do not converge. */
 static double ratio_of_bidiagonal(double *d, double *e)
 {
     double size = 0.0, total = 0.0;
@@ -160,7 +160,7 @@ static void interpretation_plane(const double *u, const double *point, const dou
 }
 
 /* Fill `x` with the columns (6, 2n) of the row-normalised xi at a centre; return the distance of the nearest line
- * in the root mean square distance. */
+ * in the root mean square distance, or NaN if that is not finite, with `x` unfinished. */
 static double rank_basis(const double *u, const double *point, Py_ssize_t n, const double *center, double on_line,
                          Complex *x)
 {
@@ -172,11 +172,17 @@ static double rank_basis(const double *u, const double *point, Py_ssize_t n, con
         total += size;
         nearest = fmin(nearest, size);
     }
+    if (!isfinite(total))
+        return NAN;
     double unit_square = total / (double)n, unit = sqrt(unit_square);
     for (Py_ssize_t i = 0; i < n; i++, u += 3, point += 3) {
         interpretation_plane(u, point, center, f);
+        /* In units of length before anything of fourth order is formed, which could over- or underflow. */
+        for (int j = 0; j < 3; j++)
+            f[j] = (Complex){f[j].re / unit, f[j].im / unit};
         double size = inner(f, f, 3).re;
-        if (size <= on_line * on_line * unit_square) {
+        /* Also for NaN, where all lengths are zero. */
+        if (!(size > on_line * on_line)) {
             for (int j = 0; j < COLUMNS; j++)
                 x[j * 2 * n + i] = x[j * 2 * n + n + i] = (Complex){0.0, 0.0};
             continue;
@@ -187,11 +193,11 @@ static double rank_basis(const double *u, const double *point, Py_ssize_t n, con
             dot.re += f[j].re * f[j].re - f[j].im * f[j].im;
             dot.im += 2.0 * f[j].re * f[j].im;
         }
-        double upper = 1.0 / sqrt(size * unit_square + dot.re * dot.re + dot.im * dot.im), lower = 1.0 / sqrt(size);
+        double upper = 1.0 / sqrt(size + dot.re * dot.re + dot.im * dot.im), lower = 1.0 / sqrt(size);
         for (int j = 0; j < 3; j++) {
             int k = (j + 1) % 3, l = (j + 2) % 3;
             Complex *column = x + j * 2 * n, *turning = x + (j + 3) * 2 * n;
-            column[i] = (Complex){f[j].re * unit * upper, f[j].im * unit * upper};
+            column[i] = (Complex){f[j].re * upper, f[j].im * upper};
             turning[i] = (Complex){u[j] * dot.re * upper, u[j] * dot.im * upper};
             column[n + i] = (Complex){0.0, 0.0};
             turning[n + i].re = (u[k] * f[l].re - u[l] * f[k].re) * lower;
@@ -228,10 +234,14 @@ PyObject *singularity_ratios(PyObject *self, PyObject *const *args, Py_ssize_t c
         double diagonal[COLUMNS], above[COLUMNS], *ratios = buffers[3].buf, *nearest = buffers[4].buf;
         nearest[i] = rank_basis((double *)buffers[0].buf + first, (double *)buffers[1].buf + first, n,
                                 (double *)buffers[2].buf + COLUMNS * i, on_line, room);
+        if (isnan(nearest[i])) {
+            ratios[i] = 1.0, nearest[i] = INFINITY;
+            continue;
+        }
         bidiagonalise(room, 2 * n, diagonal, above);
         ratios[i] = ratio_of_bidiagonal(diagonal, above);
-        if (!isfinite(ratios[i] + nearest[i]))
-            ratios[i] = 1.0, nearest[i] = INFINITY;
+        if (isnan(ratios[i]))
+            PyErr_SetString(PyExc_ValueError, "the singular values of a matrix did not converge");
     }
     if (room != on_stack)
         PyMem_RawFree(room);

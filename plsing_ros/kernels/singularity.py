@@ -27,6 +27,9 @@ def singularity_ratios(
         ratio: Filled, shape (k,); 1 for a centre that is not finite or so far that products of lengths overflow.
         distance: Filled, shape (k,): of the nearest line, in the root mean square distance; infinite for those.
         on_line: That distance up to which a centre is on a line, whose rows are zero then.
+
+    Raises:
+        ValueError: If the iteration for singular values does not converge, which has not been seen.
     """
     ratio[:], distance[:] = 1.0, np.inf
     with np.errstate(over="ignore", invalid="ignore"):
@@ -49,21 +52,25 @@ def normalized_rank_basis(
     """
     n = point.shape[-2]
     f = cross(direction, point - centers[:, np.newaxis, :])
+    size = np.einsum("kni,kni->kn", f, f.conj()).real
+    unit_square = size.sum(axis=1) / n
+    nearest: Array = np.sqrt(size.min(axis=1) / np.maximum(unit_square, _TINY))
+    # In units of length before anything of fourth order is formed, which could over- or underflow.
+    unit = np.sqrt(np.where(np.isfinite(unit_square), np.where(unit_square > 0.0, unit_square, 1.0), np.nan))
+    f /= unit[:, np.newaxis, np.newaxis]
     dot = np.einsum("kni,kni->kn", f, f)
     size = np.einsum("kni,kni->kn", f, f.conj()).real
-    unit_square = size.sum(axis=1, keepdims=True) / n
-    merged: BoolArray = size <= on_line**2 * unit_square
+    merged: BoolArray = size <= on_line**2
     length: Array = np.empty((len(centers), 2 * n))
     # |u x f| = |f|, since f is across u; so the lengths of both kinds of rows are known before the rows are.
-    length[:, :n] = size * unit_square + np.abs(dot) ** 2
+    length[:, :n] = size + np.abs(dot) ** 2
     length[:, n:] = size
     f, dot = np.where(merged[:, :, np.newaxis], 0.0, f), np.where(merged, 0.0, dot)
     length[np.concatenate([merged, merged], axis=1)] = 1.0
     length = np.sqrt(length)
     xi = np.zeros((len(centers), 2 * n, 6), dtype=f.dtype)
-    xi[:, :n, :3] = f * np.sqrt(unit_square)[:, :, np.newaxis]
+    xi[:, :n, :3] = f
     xi[:, :n, 3:] = direction * dot[:, :, np.newaxis]
     xi[:, n:, 3:] = cross(direction, f)
     xi /= length[:, :, np.newaxis]
-    nearest: Array = np.sqrt(size.min(axis=1) / np.maximum(unit_square[:, 0], _TINY))
     return xi, nearest

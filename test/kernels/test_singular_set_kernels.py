@@ -117,6 +117,25 @@ def test_centres_that_are_not_finite_are_not_singular(the, value):
     assert ratio[0] < 1.0
 
 
+@BOTH
+@pytest.mark.parametrize("scale", [1e-140, 1e-100, 1e77, 1e100, 1e150])
+def test_ratios_do_not_depend_on_the_unit_of_length(the, scale):
+    direction, point = scene(5)
+    centers = np.array([[0.3, 0.2, -0.5], [0.1, 0.4j, 0.2]])
+    np.testing.assert_allclose(
+        ratios(the, direction, point * scale, centers * scale), ratios(the, direction, point, centers), rtol=1e-12
+    )
+
+
+@BOTH
+@pytest.mark.parametrize("size", [1e154, 1e200])
+def test_centres_where_the_square_of_a_length_overflows_are_not_singular(the, size):
+    direction, point = np.concatenate([np.eye(3), [[0.6, 0.8, 0.0]]])[np.newaxis], scene(5)[1]
+    # Along the first line, whose own distance stays finite.
+    ratio, distance = ratios(the, direction, point, np.array([[10.0 * size, 0.0, 0.0]]))
+    assert (ratio[0], distance[0]) == (1.0, np.inf)
+
+
 def framed(the, direction, foot):
     center, length, relative = np.empty((len(foot), 3)), np.empty(len(foot)), np.empty(foot.shape)
     good = the.scene_coordinates(direction, foot, center, length, relative, 1e-9, 1e-12)
