@@ -43,9 +43,13 @@ static double nonlinearity(const struct image *image, const double *rotation, co
         move(motion, rotation, translation, new_rotation, new_translation);
         residuals_at(image, new_rotation, new_translation, image->room + n);
         double change = (misfit(image->room + n, image->room, weight, n) - here) / (PROBE * PROBE);
-        worst = fmax(worst, fabs(change - 1.0));
+        double off = fabs(change - 1.0);
+        /* Written so that it holds for NaN. */
+        if (!(off < LARGEST))
+            return LARGEST;
+        worst = fmax(worst, off);
     }
-    return fmin(worst, LARGEST);
+    return worst;
 }
 
 /* Return whether the motions are determined. `rows` has room for two matrices (2 n, 6). */

@@ -75,5 +75,7 @@ def pose_uncertainty(
         image_residuals(lines, image_lines, settings, *moved, there)
         squares = squared_misfit(whitened(there[:, :2], here[:, 4:7]), np.broadcast_to(weight, (4, n)))
         change = (squares - squared) / _PROBE**2
-        figures[2] = min(np.abs(change - 1.0).max(), _LARGEST)
+        worst = np.abs(change - 1.0).max()
+        # Written so that NaN counts as the largest.
+        figures[2] = worst if worst < _LARGEST else _LARGEST
     return True

@@ -291,6 +291,19 @@ def test_nonlinearity_is_how_far_the_misfit_is_from_a_quadratic(the, noise, line
 
 
 @BOTH
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("row", [0, 3])
+def test_a_misfit_that_is_not_finite_is_no_quadratic(the, row, value):
+    lines, pose = random_view(np.random.default_rng(8), 4)
+    image = image_of(lines, pose).image_lines.copy()
+    image[row, 2] = value
+    with np.errstate(invalid="ignore"):
+        good, *_, figures = uncertain(the, known(lines, image), pose, np.ones(4))
+    assert good
+    assert figures[2] == 1e6
+
+
+@BOTH
 def test_poses_that_are_not_determined_have_no_uncertainty(the):
     lines = LineSet.from_points_directions([[0, 0, 0], [1, 2, 0], [0, 1, 1], [2, 0, 3]], [[0, 0, 1]] * 4)
     pose = Pose.looking_at((4.0, -3.0, 2.0), (0.1, 0.2, -0.1))
