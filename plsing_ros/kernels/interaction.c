@@ -7,8 +7,8 @@
 int fill_interaction_matrix(const double *u, const double *l, Py_ssize_t n, double least_depth, double *matrix)
 {
     for (; n > 0; n--, u += 3, l += 3, matrix += 18) {
-        double depth = hypot(l[0], l[1]);
-        if (!(depth >= least_depth * fmax(1.0, largest_element(l))))
+        double depth = depth_of_image(l, least_depth);
+        if (depth < 0.0)
             return 0;
         double x = l[0] / depth, y = l[1] / depth, z = l[2] / depth;
         double moment_rate[3][6] = {{0.0, -u[2], u[1], 0.0, -l[2], l[1]},

@@ -89,8 +89,8 @@ void orthogonal_complement(const double *x, Py_ssize_t m, int k, const double *b
 
 /* lines.c */
 
-/* Return the largest magnitude of three numbers. */
-double largest_element(const double *vector);
+/* Return |(l_x, l_y)| of a moment in the camera frame, or -1 if its line has no image. */
+double depth_of_image(const double *moment, double least_depth);
 
 /* interaction.c */
 

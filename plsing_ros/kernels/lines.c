@@ -4,9 +4,17 @@
 
 #include <math.h>
 
-double largest_element(const double *vector)
+static double largest_element(const double *vector)
 {
     return fmax(fmax(fabs(vector[0]), fabs(vector[1])), fabs(vector[2]));
+}
+
+double depth_of_image(const double *moment, double least_depth)
+{
+    /* Infinite also for (infinity, NaN). */
+    double depth = hypot(moment[0], moment[1]);
+    int good = isfinite(depth) && isfinite(moment[2]) && depth >= least_depth * fmax(1.0, largest_element(moment));
+    return good ? depth : -1.0;
 }
 
 PyObject *are_lines(PyObject *self, PyObject *const *args, Py_ssize_t count)
@@ -48,7 +56,7 @@ PyObject *have_images(PyObject *self, PyObject *const *args, Py_ssize_t count)
     const double *l = buffers[0].buf;
     int good = 1;
     for (; n > 0 && good; n--, l += 3)
-        good = hypot(l[0], l[1]) >= least_depth * fmax(1.0, largest_element(l));
+        good = depth_of_image(l, least_depth) >= 0.0;
     release_arrays(buffers, 1);
     return PyBool_FromLong(good);
 }

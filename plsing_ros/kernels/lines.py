@@ -31,10 +31,13 @@ def are_image_lines(image_lines: Array, tolerance: float) -> bool:
 def have_images(moment: Array, least_depth: float) -> bool:
     """Return whether all lines of these moments in the camera frame, shape (n, 3) [m], have an image.
 
-    A line has none if |(l_x, l_y)| is below least_depth times the larger of 1 m and the moment's largest element.
+    A line has none if |(l_x, l_y)| is below least_depth times the larger of 1 m and the moment's largest element, or if
+    that or l_z is not finite.
     """
-    depth = np.hypot(moment[:, 0], moment[:, 1])
-    return bool((depth >= least_depth * np.maximum(1.0, np.abs(moment).max(axis=1))).all())
+    with np.errstate(invalid="ignore", over="ignore"):
+        depth = np.hypot(moment[:, 0], moment[:, 1])
+        clear = depth >= least_depth * np.maximum(1.0, np.abs(moment).max(axis=1))
+    return bool((clear & np.isfinite(depth) & np.isfinite(moment[:, 2])).all())
 
 
 def is_rotation(rotation: Array, tolerance: float) -> bool:

@@ -299,12 +299,25 @@ def test_images(the):
 @BOTH
 @pytest.mark.parametrize(
     ("moment", "has_image"),
-    [([2e-9, 0, 0], True), ([5e-10, 0, 0], False), ([0, 2e-6, 1e4], False), ([0, 2e-5, 1e4], True)],
+    [
+        ([2e-9, 0, 0], True),
+        ([5e-10, 0, 0], False),
+        ([0, 2e-6, 1e4], False),
+        ([0, 2e-5, 1e4], True),
+        ([1, 2, np.nan], False),
+        ([1, np.nan, 2], False),
+        ([1, 2, -np.inf], False),
+        ([np.inf, 1, 2], False),
+        ([-np.inf, np.nan, 2], False),
+        ([1.5e308, 1.5e308, 0], False),
+        ([1e308, 1e308, 1e308], True),
+    ],
 )
 def test_a_line_has_an_image_if_it_is_clear_of_camera_centre_and_focal_plane(the, moment, has_image):
     moments = np.array([[1.0, 2.0, 3.0], moment])
     assert the.have_images(moments, LEAST_DEPTH) is has_image
-    assert the.interaction_matrix(np.ones((2, 3)), moments, np.empty((6, 6)), LEAST_DEPTH) is has_image
+    with np.errstate(over="ignore", invalid="ignore"):
+        assert the.interaction_matrix(np.ones((2, 3)), moments, np.empty((6, 6)), LEAST_DEPTH) is has_image
 
 
 @BOTH
