@@ -79,9 +79,13 @@ PyObject *align(PyObject *self, PyObject *const *args, Py_ssize_t count)
     double *rotation = buffers[4].buf, *t = buffers[5].buf, *quality = buffers[6].buf;
     double on_stack[12 * LINES_ON_STACK];
     double *room = n <= LINES_ON_STACK ? on_stack : PyMem_RawMalloc(12 * n * sizeof(double));
+    if (!room) {
+        release_arrays(buffers, 7);
+        return PyErr_NoMemory();
+    }
     int good = 0;
     quality[0] = best_rotation(u, seen_u, n, rotation);
-    if (room && quality[0] >= 0.0) {
+    if (quality[0] >= 0.0) {
         quality[1] = smallest_cosine(u, rotation, seen_u, n);
         /* t x u = l - R l_seen, three rows for each line. */
         double *right_side = room + 9 * n, values[3], right[9], components[3];
@@ -106,5 +110,5 @@ PyObject *align(PyObject *self, PyObject *const *args, Py_ssize_t count)
     if (room != on_stack)
         PyMem_RawFree(room);
     release_arrays(buffers, 7);
-    return PyBool_FromLong(good);
+    return truth(good);
 }

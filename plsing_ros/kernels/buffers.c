@@ -43,6 +43,11 @@ int are_arguments(Py_ssize_t given, Py_ssize_t expected)
     return 0;
 }
 
+PyObject *truth(int value)
+{
+    return PyErr_Occurred() ? NULL : PyBool_FromLong(value);
+}
+
 int count_columns(PyObject *array)
 {
     Py_ssize_t length = PyObject_Length(array);

@@ -37,6 +37,8 @@ void release_arrays(Py_buffer *buffers, int count);
 int are_arguments(Py_ssize_t given, Py_ssize_t expected);
 /* Give the value of an argument that is a number; return 0 with an exception set if it is none. */
 int take_number(PyObject *object, double *value);
+/* Return a truth value, or NULL if an exception was set. */
+PyObject *truth(int value);
 /* Return the length of an array that has an element for each column of a matrix, or -1 with an exception set. */
 int count_columns(PyObject *array);
 /* Return the number of rows of an array, or -1 with an exception set. */
@@ -100,7 +102,7 @@ int fill_interaction_matrix(const double *u, const double *l, Py_ssize_t n, doub
 /* least_squares.c */
 
 /* Fill the decomposition of `matrix` (m, k), and `factor` times: `components` (k) along the left singular vectors, and the
- * `solution` (k) of least squares. Return whether the matrix and its factors are finite. */
+ * `solution` (k) of least squares. Return whether the matrix and its factors are finite; without memory, 0 with an exception set. */
 int solved(const double *matrix, const double *right_side, Py_ssize_t m, int k, double factor, double threshold,
            double *values, double *right, double *components, double *solution);
 
@@ -116,7 +118,8 @@ struct decomposition {
     double *room, on_stack[2 * MOST_COLUMNS * ROWS_ON_STACK];
 };
 
-/* Fill `values` (k) and `right` (k, k), and return whether the matrix and they are finite; then, or else, release. */
+/* Fill `values` (k) and `right` (k, k), and return whether the matrix and they are finite; without memory, 0 with an
+ * exception set. Then, or else, release. */
 int decompose(const double *matrix, Py_ssize_t m, int k, struct decomposition *d, double *values, double *right);
 void release_decomposition(struct decomposition *d);
 /* Fill `left` (m, k). */

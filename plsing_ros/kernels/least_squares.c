@@ -75,7 +75,7 @@ PyObject *solve(PyObject *self, PyObject *const *args, Py_ssize_t count)
     int good = solved(buffers[0].buf, buffers[1].buf, m, k, factor, threshold, buffers[2].buf, buffers[3].buf,
                       buffers[4].buf, buffers[5].buf);
     release_arrays(buffers, 6);
-    return PyBool_FromLong(good);
+    return truth(good);
 }
 
 PyObject *plain_law(PyObject *self, PyObject *const *args, Py_ssize_t count)
@@ -93,14 +93,19 @@ PyObject *plain_law(PyObject *self, PyObject *const *args, Py_ssize_t count)
     Py_ssize_t n = take_arrays(args, columns, 6, 2, buffers), m = 3 * n;
     if (n < 0)
         return NULL;
-    double *matrix = m > ROWS_ON_STACK ? PyMem_RawMalloc(7 * m * sizeof(double)) : on_stack, *error = matrix + 6 * m;
+    double *matrix = m > ROWS_ON_STACK ? PyMem_RawMalloc(7 * m * sizeof(double)) : on_stack;
+    if (!matrix)
+        PyErr_NoMemory();
     int good = matrix && fill_interaction_matrix(buffers[0].buf, buffers[1].buf, n, least_depth, matrix);
     if (good) {
+        double *error = matrix + 6 * m;
         norm = subtracted(buffers[2].buf, buffers[3].buf, m, error);
         good = solved(matrix, error, m, 6, -gain, threshold, buffers[4].buf, right, components, buffers[5].buf);
     }
     if (matrix != on_stack)
         PyMem_RawFree(matrix);
     release_arrays(buffers, 6);
+    if (PyErr_Occurred())
+        return NULL;
     return good ? PyFloat_FromDouble(norm) : Py_NewRef(Py_None);
 }

@@ -58,12 +58,17 @@ PyObject *law_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
     const double *lines = buffers[0].buf, *desired = buffers[1].buf, *twist = buffers[2].buf;
     double *u = buffers[3].buf, *l = u + 3 * n, *next = buffers[4].buf;
     double on_stack[21 * LINES_ON_STACK], step[6], R[9], t[3], values[6], right[36], components[6];
-    double *matrix = n <= LINES_ON_STACK ? on_stack : PyMem_RawMalloc(21 * n * sizeof(double)), *error = matrix + 18 * n;
+    double *matrix = n <= LINES_ON_STACK ? on_stack : PyMem_RawMalloc(21 * n * sizeof(double));
+    if (!matrix) {
+        release_arrays(buffers, 5);
+        return PyErr_NoMemory();
+    }
+    double *error = matrix + 18 * n;
     for (int i = 0; i < 6; i++)
         step[i] = twist[i] * duration;
     exponential(step, R, t);
     move_lines(lines, lines + 3 * n, n, R, t, u, l);
-    int good = matrix && fill_interaction_matrix(u, l, n, least_depth, matrix);
+    int good = fill_interaction_matrix(u, l, n, least_depth, matrix);
     for (Py_ssize_t i = 0; good && i < n; i++) {
         const double *moment = l + 3 * i;
         double depth = hypot(moment[0], moment[1]);
@@ -80,7 +85,7 @@ PyObject *law_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
     if (matrix != on_stack)
         PyMem_RawFree(matrix);
     release_arrays(buffers, 5);
-    return PyBool_FromLong(good && square < fastest * fastest);
+    return truth(good && square < fastest * fastest);
 }
 
 PyObject *lines_seen(PyObject *self, PyObject *const *args, Py_ssize_t count)

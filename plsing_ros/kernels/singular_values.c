@@ -163,6 +163,8 @@ int decompose(const double *matrix, Py_ssize_t m, int k, struct decomposition *d
         not_finite += 0.0 * magnitude;
     }
     d->room = m > ROWS_ON_STACK ? PyMem_RawMalloc(2 * MOST_COLUMNS * m * sizeof(double)) : d->on_stack;
+    if (!d->room)
+        PyErr_NoMemory();
     if (m < k || not_finite != 0.0 || !d->room)
         return 0;
     /* Squares neither over- nor underflow: the largest element becomes about one, without rounding. */
@@ -245,5 +247,5 @@ PyObject *svd(PyObject *self, PyObject *const *args, Py_ssize_t count)
         left_vectors(&d, buffers[1].buf);
     release_decomposition(&d);
     release_arrays(buffers, 4);
-    return PyBool_FromLong(good);
+    return truth(good);
 }

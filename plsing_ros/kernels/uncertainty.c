@@ -116,9 +116,9 @@ PyObject *pose_uncertainty(PyObject *self, PyObject *const *args, Py_ssize_t cou
         if (!rows)
             PyErr_NoMemory();
         else
-            result = PyBool_FromLong(image.count >= 3 &&
-                                     uncertainty(&image, buffers[0].buf, buffers[1].buf, buffers[2].buf, rows,
-                                                 buffers[3].buf, buffers[4].buf, buffers[5].buf, buffers[6].buf));
+            result = truth(image.count >= 3 &&
+                           uncertainty(&image, buffers[0].buf, buffers[1].buf, buffers[2].buf, rows, buffers[3].buf,
+                                       buffers[4].buf, buffers[5].buf, buffers[6].buf));
         PyMem_RawFree(rows);
         release_arrays(buffers, 7);
     }
