@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from strategies import directions, numbers, vectors
 
 from plsing_ros.kernels import compiled, of_numpy
@@ -24,7 +24,7 @@ TABLES = [table(np.random.default_rng(seed)) for seed in range(2)]
 
 
 def distances(the, tables, center):
-    closest, distance = np.empty((5, 3)), np.empty(5)
+    closest, distance = np.empty(tables[0].shape), np.empty(len(tables[0]))
     assert the.distances(*tables, center, closest, distance)
     return closest, distance
 
@@ -68,7 +68,7 @@ def test_the_closest_approach_is_the_least_of_the_way(the, tables, center, way, 
     if row < 0:
         # Whatever is across the motion is behind it, or nearest after the horizon.
         assert np.isnan(found[2:]).all()
-        return
+    assume(row >= 0)
     assert 0.0 < found[2] <= HORIZON
     at = distances(the, tables, center + found[2] * velocity)[1]
     assert at[row] == pytest.approx(found[3], abs=1e-7)
@@ -84,8 +84,7 @@ def test_the_nearest_comes_nearer_as_fast_as_its_distance_changes(the, tables, c
     _, found = approach(the, tables, center, velocity)
     distance = distances(the, tables, center)[1]
     nearest, speed = int(distance[:4].argmin()), np.linalg.norm(velocity)
-    if np.isnan(found[1]) or distance[nearest] < 0.1:
-        return
+    assume(not np.isnan(found[1]) and distance[nearest] >= 0.1)
     step = 1e-5 / speed
     ahead, behind = (distances(the, tables, center + side * step * velocity)[1][nearest] for side in (1.0, -1.0))
     assert (behind - ahead) / (2.0 * step * speed) == pytest.approx(found[1], abs=1e-6)
@@ -99,6 +98,16 @@ def test_both_say_the_same_of_a_surface_too(tables, center, velocity, horizon):
     other_row, other = approach(of_numpy, tables, center, velocity, role, horizon)
     assert row == other_row
     np.testing.assert_allclose(found, other, rtol=1e-9, atol=1e-6)
+
+
+@BOTH
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_a_line_across_the_way_is_passed_where_pythagoras_says(the, turn):
+    """The first is 3 m ahead and 4 m above, the other as far behind and 1 m farther above."""
+    tables = np.array([[3.0, 7.0, 4.0], [-3.0, 1.0, 5.0]]), turn * np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    row, found = approach(the, tables, np.zeros(3), np.array([0.5, 0.0, 0.0]), np.zeros(2))
+    assert row == 0
+    np.testing.assert_allclose(found, [6.0, 0.6, 6.0, 4.0], rtol=1e-14)
 
 
 @BOTH
