@@ -64,7 +64,8 @@ def exponential(vector: Array) -> tuple[Array, Array]:
         first, second, third = 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
     else:
         first = math.sin(angle) / angle
-        second, third = (1.0 - math.cos(angle)) / angle**2, (angle - math.sin(angle)) / angle**3
+        # 1 - cos(angle) would cancel.
+        second, third = 2.0 * math.sin(0.5 * angle) ** 2 / angle**2, (angle - math.sin(angle)) / angle**3
     # [x y z]x and its square, entry by entry.
     xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
 

@@ -12,9 +12,10 @@ static void exponential(const double *step, double *rotation, double *t)
     double x = step[3], y = step[4], z = step[5], square = x * x + y * y + z * z;
     double a = 1.0 - square / 6.0, b = 0.5 - square / 24.0, c = 1.0 / 6.0 - square / 120.0;
     if (square > 1e-8) {
-        double angle = sqrt(square);
+        double angle = sqrt(square), sine_of_half = sin(0.5 * angle);
         a = sin(angle) / angle;
-        b = (1.0 - cos(angle)) / square;
+        /* 1 - cos(angle) would cancel. */
+        b = 2.0 * sine_of_half * sine_of_half / square;
         c = (angle - sin(angle)) / (square * angle);
     }
     /* R = I + a K + b K^2 and t = (I + b K + c K^2) v with K = [omega]x and K^2 = omega omega^T - |omega|^2 I. */

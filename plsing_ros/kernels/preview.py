@@ -66,8 +66,9 @@ def move_lines(lines: Array, step: Array, moved: Array) -> None:
     square = x * x + y * y + z * z
     if square > 1e-8:
         angle = math.sqrt(square)
-        sine, cosine = math.sin(angle), math.cos(angle)
-        a, b, c = sine / angle, (1.0 - cosine) / square, (angle - sine) / (square * angle)
+        sine, sine_of_half = math.sin(angle), math.sin(0.5 * angle)
+        # 1 - cos(angle) would cancel.
+        a, b, c = sine / angle, 2.0 * sine_of_half * sine_of_half / square, (angle - sine) / (square * angle)
     else:
         a, b, c = 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
     # R = I + a K + b K^2 and t = (I + b K + c K^2) v with K = [omega]x and K^2 = omega omega^T - |omega|^2 I.

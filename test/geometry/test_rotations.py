@@ -1,5 +1,6 @@
 """Rotations by plain arithmetic against SciPy's."""
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -59,3 +60,17 @@ def test_exponential_is_that_of_scipy_and_its_mean_the_integral(vector):
     np.testing.assert_allclose(turn, Rotation.from_rotvec(vector).as_matrix(), atol=1e-14)
     integral, _ = quad_vec(lambda share: Rotation.from_rotvec(share * vector).as_matrix(), 0.0, 1.0)
     np.testing.assert_allclose(mean_turn, integral, atol=1e-7)
+
+
+@pytest.mark.parametrize("angle", [1e-6, 0.9e-4, 1.1e-4, 1e-3, 0.1, 3.0])
+def test_small_and_large_angles_are_as_exact(angle):
+    x, y, z = 0.48 * angle, -0.6 * angle, 0.64 * angle
+    turn, mean_turn = exponential(np.array([x, y, z]))
+    with mpmath.workdps(50):
+        skew = mpmath.matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        powers = [mpmath.eye(3)]
+        for k in range(1, 40):
+            powers.append(powers[-1] * skew / k)
+        exact = sum(powers[1:], powers[0]), sum((p / (k + 1) for k, p in enumerate(powers[1:], 1)), powers[0])
+        expected = [np.array(each.tolist(), dtype=float) for each in exact]
+    np.testing.assert_allclose([turn, mean_turn], expected, rtol=0.0, atol=1e-15)
