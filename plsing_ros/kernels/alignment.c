@@ -98,7 +98,7 @@ PyObject *align(PyObject *self, PyObject *const *args, Py_ssize_t count)
                 right_side[3 * i + j] = l[3 * i + j] - right_side[3 * i + j];
         }
         good = solved(room, right_side, 3 * n, 3, 1.0, 0.0, values, right, components, t) &&
-               values[2] > SINGULAR * values[0];
+               values[2] > SINGULAR * values[0] && isfinite(t[0]) && isfinite(t[1]) && isfinite(t[2]);
         double misfit = 0.0;
         for (Py_ssize_t i = 0; good && i < 3 * n; i++) {
             const double *row = room + 3 * i;

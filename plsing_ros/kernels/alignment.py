@@ -7,6 +7,7 @@ import numpy as np
 from plsing_ros.arrays import Array
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def align(
     direction: Array,
     moment: Array,
@@ -16,7 +17,7 @@ def align(
     translation: Array,
     quality: Array,
 ) -> bool:
-    """Fill T_scene_camera from n lines; return False, with it unfinished, if the lines do not fix it.
+    """Fill T_scene_camera from n lines; return False, with it unfinished, if the lines do not fix it or are not finite.
 
     Args:
         direction: In the scene frame, shape (n, 3).
@@ -30,7 +31,11 @@ def align(
 
     Source: geometry.align_lines.
     """
-    left, values, right = np.linalg.svd(direction.T @ seen_direction)
+    correlation = direction.T @ seen_direction
+    if not np.isfinite(correlation).all():
+        quality[0] = -1.0
+        return False
+    left, values, right = np.linalg.svd(correlation)
     if np.linalg.det(left) * np.linalg.det(right) < 0.0:
         left = left * (1.0, 1.0, -1.0)
     np.matmul(left, right, out=rotation)
@@ -40,10 +45,13 @@ def align(
     zero = np.zeros_like(x)
     matrix = np.stack([zero, z, -y, -z, zero, x, y, -x, zero], axis=-1).reshape(-1, 3)
     difference = (moment - seen_moment @ rotation.T).ravel()
+    # LAPACK does not return from what is not finite.
+    if not np.isfinite(difference).all():
+        return False
     translation[:], _, rank, _ = np.linalg.lstsq(matrix, difference, rcond=None)
     misfit = matrix @ translation - difference
     quality[2] = np.sqrt(misfit @ misfit / len(direction))
-    return bool(rank == 3)
+    return bool(rank == 3 and np.isfinite(translation).all())
 
 
 def least_cosine(direction: Array, rotation: Array, seen_direction: Array) -> float:

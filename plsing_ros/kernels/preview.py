@@ -14,6 +14,7 @@ from plsing_ros.kernels.least_squares import solve
 SINGULAR = 2.2e-16
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def law_step(
     lines: Array,
     desired: Array,
@@ -51,11 +52,15 @@ def law_step(
     if not solve(interaction, error, values, right, components, solution, -1.0, 0.0):
         return False
     np.multiply(solution, gain, out=next_twist)
-    return bool(values[5] > SINGULAR * values[0] and solution @ solution < fastest**2)
+    return bool(values[5] > SINGULAR * values[0] and solution @ solution < fastest * fastest)
 
 
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def image_deviation(moment: Array, image: Array) -> float:
-    """Return the sum of squares of the images of lines of these moments (n, 3) [m] minus image lines (n, 3)."""
+    """Return the sum of squares of the images of lines of these moments (n, 3) [m] minus image lines (n, 3).
+
+    Infinite or NaN if a line has no image.
+    """
     deviation = (moment / np.hypot(moment[:, 0], moment[:, 1])[:, np.newaxis] - image).ravel()
     return float(deviation @ deviation)
 
@@ -64,6 +69,9 @@ def move_lines(lines: Array, step: Array, moved: Array) -> None:
     """Fill lines (2, n, 3) in the frame of a camera that moved by the screw exp(step), shape (6,) [m, rad]."""
     vx, vy, vz, x, y, z = step.tolist()
     square = x * x + y * y + z * z
+    if square == math.inf:
+        moved.fill(math.nan)
+        return
     if square > 1e-8:
         angle = math.sqrt(square)
         sine, sine_of_half = math.sin(angle), math.sin(0.5 * angle)

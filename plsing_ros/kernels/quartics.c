@@ -82,6 +82,8 @@ static double functionals_of(const double *u, const double *point, const double 
     reflect_to_triangle(quartics[0], QUARTICS, EQUATIONS, beta, diagonal);
     orthogonal_complement(quartics[0], QUARTICS, EQUATIONS, beta, rows);
     for (int e = 0; e < EQUATIONS; e++) {
+        if (isnan(diagonal[e]))
+            return NAN;
         least = fmin(least, fabs(diagonal[e]));
         most = fmax(most, fabs(diagonal[e]));
     }

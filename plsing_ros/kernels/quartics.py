@@ -28,7 +28,7 @@ def quartic_functionals(
         samples: Axis directions at which the quartics are evaluated, shape (15, 3).
         interpolate: From values there to coefficients, shape (15, 15).
         functionals: Filled, orthonormal rows, shape (S, 10, 15).
-        margin: Filled, shape (S,): how far the five are from being dependent, in [0, 1].
+        margin: Filled, shape (S,): how far the five are from being dependent, in [0, 1]; NaN if not finite.
     """
     scenes = len(direction)
     matrix = _force_matrix(direction, point).swapaxes(1, 2).reshape(scenes, 20, 3)

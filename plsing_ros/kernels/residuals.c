@@ -154,6 +154,10 @@ PyObject *image_jacobians(PyObject *self, PyObject *const *args, Py_ssize_t coun
     if (all < 0)
         return NULL;
     const Py_ssize_t n = k > 0 ? all / k : 0;
+    if (n * k != all) {
+        release_arrays(buffers, 3);
+        return PyErr_Format(PyExc_ValueError, "%zd lines for %zd poses", all, k);
+    }
     const double *table = buffers[0].buf;
     double *raw = buffers[1].buf, *whitened = buffers[2].buf;
     for (; k > 0; k--, table += RESIDUAL_ROWS * n, raw += 12 * n, whitened += 12 * n)

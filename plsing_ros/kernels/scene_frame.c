@@ -72,12 +72,18 @@ PyObject *scene_coordinates(PyObject *self, PyObject *const *args, Py_ssize_t co
     if (lines < 0)
         return NULL;
     Py_ssize_t n = scenes > 0 ? lines / scenes : 0;
+    if (n * scenes != lines) {
+        release_arrays(buffers, 5);
+        return PyErr_Format(PyExc_ValueError, "%zd lines for %d scenes", lines, scenes);
+    }
     const double *direction = buffers[0].buf, *foot = buffers[1].buf;
     double *center = buffers[2].buf, *length = buffers[3].buf, *relative = buffers[4].buf;
-    int good = n * scenes == lines;
+    int good = 1;
     for (Py_ssize_t i = 0; i < scenes && good; i++, center += 3) {
         length[i] = centred(direction, foot, n, center, relative);
         good = isfinite(length[i]);
+        if (!good)
+            break;
         if (length[i] <= fmax(share * sqrt(dot_product(center, center, 3)), smallest))
             length[i] = 0.0;
         else

@@ -11,6 +11,7 @@ _IDENTITY = np.eye(3)
 _FREE = 1e-12
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def scene_coordinates(
     direction: Array, foot: Array, center: Array, length: Array, relative: Array, share: float, smallest: float
 ) -> bool:
@@ -28,7 +29,7 @@ def scene_coordinates(
         smallest: and the same for centres near the origin [m].
     """
     n = direction.shape[1]
-    mean = foot.sum(axis=1, keepdims=True) / n
+    mean = (foot / n).sum(axis=1, keepdims=True)
     offset = _across(foot - mean, direction)
     # The sum of the projections across the lines.
     total = n * _IDENTITY - direction.swapaxes(1, 2) @ direction
@@ -41,10 +42,12 @@ def scene_coordinates(
     relative[:] = _across(_across(offset - to_center, direction), direction)
     center[:] = (mean + to_center)[:, 0]
     length[:] = np.linalg.norm(relative, axis=2).sum(axis=1) / n
+    if not np.isfinite(length).all():
+        return False
     concurrent = length <= np.maximum(share * np.linalg.norm(center, axis=1), smallest)
     relative /= np.where(concurrent, 1.0, length)[:, np.newaxis, np.newaxis]
     length[concurrent] = 0.0
-    return bool(np.isfinite(length).all())
+    return True
 
 
 def _across(vectors: Array, direction: Array) -> Array:

@@ -137,7 +137,7 @@ PyObject *axis_centers(PyObject *self, PyObject *const *args, Py_ssize_t count)
     Complex *w = buffers[6].buf, *h = buffers[7].buf, *center = buffers[8].buf;
     int found = 0;
     for (Py_ssize_t slot = 0; slot < CUBICS * scenes; slot++) {
-        if (imaginary[slot] < 0.0 || ++found > points)
+        if (!(imaginary[slot] >= 0.0) || ++found > points)
             continue;
         Py_ssize_t scene = slot / CUBICS;
         axis_of(vector, (double *)buffers[1].buf + CUBICS * QUARTICS * scene, buffers[2].buf, w);
@@ -172,7 +172,7 @@ static void ten_of(const double *imaginary, const Complex *h, const Complex *cen
     int source = -1;
     *overlap = 0.0;
     for (int slot = 0; slot < CUBICS; slot++, ten += 3) {
-        double conjugate = imaginary[slot] < 0.0 ? -1.0 : 1.0;
+        double conjugate = imaginary[slot] >= 0.0 ? 1.0 : -1.0;
         source += conjugate > 0.0;
         const Complex *own = center + 3 * source;
         double size = 0.0, out_of_real = 0.0;
@@ -214,8 +214,8 @@ PyObject *with_conjugates(PyObject *self, PyObject *const *args, Py_ssize_t coun
         const double *imaginary = (double *)buffers[0].buf + CUBICS * i;
         int needed = 0;
         for (int slot = 0; slot < CUBICS; slot++)
-            needed += !(imaginary[slot] < 0.0);
-        if (imaginary[0] < 0.0 || used + needed > points) {
+            needed += imaginary[slot] >= 0.0;
+        if (!(imaginary[0] >= 0.0) || used + needed > points) {
             used = -1;
             break;
         }

@@ -90,7 +90,7 @@ static int rotations_of(const double *frame, const double *others, const double 
     if (!hessenberg_eigenvalues(companion, DEGREE, real, imaginary))
         return 0;
     for (int i = 0; i < DEGREE; i++) {
-        if (imaginary[i] < 0.0)
+        if (!(imaginary[i] >= 0.0))
             continue;
         /* Twice the angle of (1, t), from the sample opposite to the first one. */
         double x = 1.0 - real[i] * real[i] - imaginary[i] * imaginary[i], y = 2.0 * real[i], length = hypot(x, y);

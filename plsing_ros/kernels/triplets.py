@@ -103,7 +103,8 @@ def triplet_rotations(
 def translations(rotation: Array, normals: Array, points: Array, t: Array) -> None:
     """Fill the least-squares t of n_i . (R x_i + t) = 0 of n lines, for k rotations.
 
-    Where the planes leave a direction of t open, its component along it is nearly zero.
+    Where the planes leave a direction of t open, its component along it is nearly zero, or t is zero
+    where that is lost in rounding.
 
     Args:
         rotation: R_camera_world, shape (k, 3, 3).
@@ -113,7 +114,11 @@ def translations(rotation: Array, normals: Array, points: Array, t: Array) -> No
     """
     # n . R x as the product of the 9 entries of R with those of n x^T.
     products = (normals[:, :, np.newaxis] * points[:, np.newaxis]).reshape(-1, 9)
-    to_t = -np.linalg.solve(normals.T @ normals + _LEAST * _IDENTITY, normals.T) @ products
+    try:
+        to_t = -np.linalg.solve(normals.T @ normals + _LEAST * _IDENTITY, normals.T) @ products
+    except np.linalg.LinAlgError:
+        t[:] = 0.0
+        return
     t[:] = rotation.reshape(-1, 9) @ to_t.T
 
 

@@ -31,7 +31,7 @@ def pose_uncertainty(
 
     Args:
         lines: As for image_residuals, like the next two.
-        image_lines: Of n >= 3 lines.
+        image_lines: Of n lines; fewer than three determine nothing.
         settings: Noise and field of view.
         rotation: Shape (3, 3).
         translation: Shape (3,) [m].
@@ -47,6 +47,8 @@ def pose_uncertainty(
     Source: first-order propagation, docs/pose.md.
     """
     n = len(lines)
+    if n < 3:
+        return False
     here = np.empty((1, RESIDUAL_ROWS, n))
     image_residuals(lines, image_lines, settings, rotation[np.newaxis], translation[np.newaxis], here)
     raw, jacobian = np.empty((1, 2, n, 6)), np.empty((1, 2, n, 6))

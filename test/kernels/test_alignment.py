@@ -75,6 +75,16 @@ def test_parallel_lines_fix_nothing(the, count):
 
 
 @BOTH
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("row", range(4))
+def test_what_is_not_finite_fixes_nothing(the, row, value):
+    arrays = np.tile(np.stack([np.eye(3), np.eye(3)[[1, 2, 0]]]), (2, 1, 1))
+    assert the.align(*arrays, np.empty((3, 3)), np.empty(3), np.empty(3))
+    arrays[row, 1, 2] = value
+    assert not the.align(*arrays, np.empty((3, 3)), np.empty(3), np.empty(3))
+
+
+@BOTH
 @given(lines=line_sets(min_size=1), pose=poses())
 def test_the_least_cosine_is_that_of_the_reversed_line(the, lines, pose):
     seen = lines.transformed(pose.inverse(), "camera").direction.copy()

@@ -172,6 +172,13 @@ def test_translations_are_those_of_least_squares(the, n):
 
 
 @BOTH
+def test_translations_are_zero_where_nothing_is_left_of_a_direction(the):
+    normals, t = np.array([[2.0, 2.0, 0.0]]), np.empty((1, 3))
+    the.translations(np.eye(3)[np.newaxis], normals, np.ones((1, 3)), t)
+    np.testing.assert_array_equal(t, 0.0)
+
+
+@BOTH
 @pytest.mark.parametrize("wrong", [False, True])
 def test_refinement_ends_at_the_minimum_that_scipy_finds(the, wrong):
     generator = np.random.default_rng(6)
@@ -335,6 +342,12 @@ def test_estimates_are_the_same_without_a_compiler(monkeypatch, n, wrong, noise)
     )
 
 
+@BOTH
+def test_two_lines_determine_no_pose(the):
+    lines, pose = random_view(np.random.default_rng(8), 2)
+    assert not uncertain(the, known(lines, image_of(lines, pose).image_lines), pose, np.ones(2))[0]
+
+
 SCENE_ARRAYS = np.ones((4, 6)), np.ones((4, 3)), np.ones(4)
 
 
@@ -348,6 +361,7 @@ SCENE_ARRAYS = np.ones((4, 6)), np.ones((4, 3)), np.ones(4)
         ),
         ("image_residuals", (np.ones((0, 6)), np.ones((0, 3)), np.ones(4), np.eye(3), np.ones(3), np.ones(0))),
         ("image_jacobians", (np.ones((2, RESIDUAL_ROWS, 4)), np.ones((2, 2, 4, 6)), np.ones((2, 2, 3, 6)))),
+        ("image_jacobians", (np.ones(8 * RESIDUAL_ROWS), np.ones(96), np.ones(96))),
         ("refine_poses", (*SCENE_ARRAYS, np.ones((2, 3)), np.ones((2, 9)), np.ones((2, 3)), np.ones(2), np.ones(2), 3)),
         (
             "search_poses",
@@ -378,7 +392,7 @@ SCENE_ARRAYS = np.ones((4, 6)), np.ones((4, 3)), np.ones(4)
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(name, arguments):
-    with pytest.raises(ValueError, match="not float64 or of a wrong size|there must be 1 to"):
+    with pytest.raises(ValueError, match="not float64 or of a wrong size|there must be 1 to|lines for"):
         getattr(compiled, name)(*arguments)
 
 

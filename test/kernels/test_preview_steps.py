@@ -101,6 +101,24 @@ def test_there_is_no_law_through_the_camera_nor_where_all_is_lost_nor_beyond_the
     assert step(the, good, desired, fastest=0.99 * size) is None
 
 
+@BOTH
+@pytest.mark.parametrize("size", [np.inf, -np.inf, np.nan, 1e200, 1e308])
+@pytest.mark.parametrize("axis", range(6))
+def test_there_is_no_law_after_a_step_that_overflows(the, size, axis):
+    lines = LineSet.from_points_directions([[0, 0, 3], [1, 0, 4], [0, 2, 5]], np.eye(3)[[1, 2, 0]], "camera")
+    twist = size * np.eye(6)[axis] if np.isfinite(size) else np.where(np.arange(6) == axis, size, 0.0)
+    found = step(the, lines, project_lines(lines).reshape(-1, 3) + 0.1, twist, 1.0)
+    assert found is None or all(np.isfinite(each).all() for each in found)
+    if axis > 2 or not np.isfinite(size):
+        assert found is None
+
+
+@BOTH
+def test_images_of_lines_through_the_camera_deviate_by_no_finite_number(the):
+    moment = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 1.0]])
+    assert not np.isfinite(the.image_deviation(moment, np.zeros((2, 3))))
+
+
 @given(lines=seen_lines(min_size=40, max_size=40))
 def test_many_lines_agree(lines):
     desired = project_lines(lines).reshape(-1, 3) + 0.1

@@ -175,10 +175,19 @@ def test_scene_frames_of_parallel_and_concurrent_lines(the):
 
 @BOTH
 def test_scene_frames_that_overflow_are_refused(the):
-    direction, foot = scene(7)
-    foot[0, 1, 2] = np.inf
-    with np.errstate(invalid="ignore"):
+    for value in (np.inf, np.nan, 1e308):
+        direction, foot = scene(7)
+        foot[0, 1, 2] = value
         assert not framed(the, direction, foot)[0]
+        direction[0, 1, 2] = value
+        assert not framed(the, direction, scene(7)[1])[0]
+
+
+@BOTH
+def test_the_margin_of_what_is_not_finite_is_no_number(the):
+    direction, point = scene(7)
+    point[0, 1, 2] = np.nan
+    assert np.isnan(functionals_of(the, direction, point)[1][0])
 
 
 def functionals_of(the, direction, point):
@@ -351,6 +360,7 @@ def test_newton_of_more_lines():
                              1, 0.0, 0.0, 1.0)),
         ("scene_coordinates", (np.ones((2, 4, 3)), np.ones((2, 3, 3)), np.ones((2, 3)), np.ones(2),
                                np.ones((2, 4, 3)), 0.0, 0.0)),
+        ("scene_coordinates", (np.ones(9), np.ones(9), np.ones((9, 3)), np.ones(9), np.ones(9), 0.0, 0.0)),
         ("quartic_functionals", (*scene(0), SAMPLES[:14].copy(), INTERPOLATE, np.ones((1, 10, 15)), np.ones(1))),
     ],
 )  # fmt: skip
