@@ -1,8 +1,10 @@
 """The inner loops of every cycle: compiled where the package was built with a C compiler, else made of numpy.
 
-Both give the same numbers to rounding. They fill arrays that the caller has made, C-contiguous, float64 or complex128,
-and check nothing of them but what they say; use them through what the package makes of them (LineSet, factorised,
-solved, align_lines, singular_set, SingularSet, PoseEstimator ...). The Python files say what they do, a topic each.
+Both give the same numbers to rounding, but for what is not unique: signs of singular vectors, and bases of spaces.
+They fill arrays that the caller has made, C-contiguous, float64 or complex128. The compiled ones check lengths and
+types, those of numpy nothing, and neither checks values but where that is said; use them through what the package makes
+of them (LineSet, factorised, solved, align_lines, singular_set, SingularSet, PoseEstimator ...). The Python files say
+what they do, a topic each.
 """
 
 try:

@@ -20,7 +20,7 @@ Py_ssize_t take_arrays(PyObject *const *objects, const int *columns, int count, 
                 length == (columns[i] > 0 ? columns[i] * rows : -columns[i]))
                 continue;
             PyBuffer_Release(&buffers[i]);
-            PyErr_Format(PyExc_ValueError, "array %d is not float64 or of a wrong size", i);
+            PyErr_Format(PyExc_ValueError, "array %d is neither float64 nor complex128, or of a size that does not fit", i);
         }
         while (i-- > 0)
             PyBuffer_Release(&buffers[i]);
