@@ -173,7 +173,7 @@ def test_translations_are_those_of_least_squares(the, n):
 
 @BOTH
 def test_translations_are_zero_where_nothing_is_left_of_a_direction(the):
-    normals, t = np.array([[2.0, 2.0, 0.0]]), np.empty((1, 3))
+    normals, t = np.array([[8.0, 8.0, 0.0]]), np.empty((1, 3))
     the.translations(np.eye(3)[np.newaxis], normals, np.ones((1, 3)), t)
     np.testing.assert_array_equal(t, 0.0)
 
