@@ -177,38 +177,15 @@ int refine(const struct image *image, const double *weight, long iterations, dou
 /* Find the eigenvalues of an upper Hessenberg matrix (n, n), which is overwritten. Return whether all were found. */
 int hessenberg_eigenvalues(double *matrix, int n, double *real, double *imaginary);
 
-/* What Python calls, listed in compiled.c. */
+/* What Python calls: X(name) for each. */
 
-#define FUNCTION(name) PyObject *name(PyObject *self, PyObject *const *args, Py_ssize_t count)
-FUNCTION(align);
-FUNCTION(approach);
-FUNCTION(are_image_lines);
-FUNCTION(are_lines);
-FUNCTION(axis_centers);
-FUNCTION(bilinear_newton);
-FUNCTION(distances);
-FUNCTION(have_images);
-FUNCTION(image_deviation);
-FUNCTION(image_jacobians);
-FUNCTION(image_residuals);
-FUNCTION(interaction_matrix);
-FUNCTION(is_rotation);
-FUNCTION(law_step);
-FUNCTION(least_cosine);
-FUNCTION(lines_seen);
-FUNCTION(mean_interaction);
-FUNCTION(plain_law);
-FUNCTION(pose_uncertainty);
-FUNCTION(quartic_functionals);
-FUNCTION(refine_poses);
-FUNCTION(scene_coordinates);
-FUNCTION(search_poses);
-FUNCTION(singularity_ratios);
-FUNCTION(solve);
-FUNCTION(subtract);
-FUNCTION(svd);
-FUNCTION(translations);
-FUNCTION(triplet_rotations);
-FUNCTION(with_conjugates);
+#define KERNELS(X)                                                                                               \
+    X(align) X(approach) X(are_image_lines) X(are_lines) X(axis_centers) X(bilinear_newton) X(distances)         \
+    X(have_images) X(image_deviation) X(image_jacobians) X(image_residuals) X(interaction_matrix) X(is_rotation) \
+    X(law_step) X(least_cosine) X(lines_seen) X(mean_interaction) X(plain_law) X(pose_uncertainty)               \
+    X(quartic_functionals) X(refine_poses) X(scene_coordinates) X(search_poses) X(singularity_ratios) X(solve)   \
+    X(subtract) X(svd) X(translations) X(triplet_rotations) X(with_conjugates)
+#define DECLARE(name) PyObject *name(PyObject *self, PyObject *const *args, Py_ssize_t count);
+KERNELS(DECLARE)
 
 #endif
