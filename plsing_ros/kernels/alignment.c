@@ -7,23 +7,12 @@
 
 #define LINES_ON_STACK 64
 
-static double determinant(const double *m)
-{
-    return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
-}
-
-static void rotated(const double *rotation, const double *v, double *result)
-{
-    for (int i = 0; i < 3; i++)
-        result[i] = rotation[3 * i] * v[0] + rotation[3 * i + 1] * v[1] + rotation[3 * i + 2] * v[2];
-}
-
 static double smallest_cosine(const double *u, const double *rotation, const double *seen, Py_ssize_t n)
 {
     double least = INFINITY, turned[3];
     for (; n > 0; n--, u += 3, seen += 3) {
-        rotated(rotation, seen, turned);
-        least = fmin(least, u[0] * turned[0] + u[1] * turned[1] + u[2] * turned[2]);
+        times3(rotation, seen, turned);
+        least = fmin(least, dot3(u, turned));
     }
     return least;
 }
@@ -58,7 +47,7 @@ static double best_rotation(const double *u, const double *v, Py_ssize_t n, doub
     release_decomposition(&d);
     if (!good)
         return -1.0;
-    double sign = determinant(left) * determinant(right) < 0.0 ? -1.0 : 1.0;
+    double sign = determinant3(left) * determinant3(right) < 0.0 ? -1.0 : 1.0;
     for (int i = 0; i < 9; i++)
         rotation[i] = left[i / 3 * 3] * right[i % 3] + left[i / 3 * 3 + 1] * right[3 + i % 3] +
                       sign * left[i / 3 * 3 + 2] * right[6 + i % 3];
@@ -93,7 +82,7 @@ PyObject *align(PyObject *self, PyObject *const *args, Py_ssize_t count)
             const double *d = u + 3 * i;
             double crossed[9] = {0.0, d[2], -d[1], -d[2], 0.0, d[0], d[1], -d[0], 0.0};
             memcpy(room + 9 * i, crossed, sizeof crossed);
-            rotated(rotation, seen_l + 3 * i, right_side + 3 * i);
+            times3(rotation, seen_l + 3 * i, right_side + 3 * i);
             for (int j = 0; j < 3; j++)
                 right_side[3 * i + j] = l[3 * i + j] - right_side[3 * i + j];
         }
@@ -102,7 +91,7 @@ PyObject *align(PyObject *self, PyObject *const *args, Py_ssize_t count)
         double misfit = 0.0;
         for (Py_ssize_t i = 0; good && i < 3 * n; i++) {
             const double *row = room + 3 * i;
-            double off = row[0] * t[0] + row[1] * t[1] + row[2] * t[2] - right_side[i];
+            double off = dot3(row, t) - right_side[i];
             misfit += off * off;
         }
         quality[2] = sqrt(misfit / n);

@@ -29,10 +29,8 @@ PyObject *interaction_matrix(PyObject *self, PyObject *const *args, Py_ssize_t c
     static const int columns[] = {3, 3, 18};
     Py_buffer buffers[3];
     (void)self;
-    if (!are_arguments(count, 4))
-        return NULL;
-    double least_depth = PyFloat_AsDouble(args[3]);
-    if (least_depth == -1.0 && PyErr_Occurred())
+    double least_depth;
+    if (!are_arguments(count, 4) || !take_number(args[3], &least_depth))
         return NULL;
     Py_ssize_t n = take_arrays(args, columns, 3, 1, buffers);
     if (n < 0)

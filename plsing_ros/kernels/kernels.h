@@ -64,6 +64,31 @@ static inline void add_multiple(double *a, double factor, const double *b, Py_ss
         a[i] += factor * b[i];
 }
 
+/* vectors of three, and matrices (3, 3) */
+
+static inline double dot3(const double *a, const double *b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static inline void cross3(const double *a, const double *b, double *c)
+{
+    c[0] = a[1] * b[2] - a[2] * b[1];
+    c[1] = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static inline void times3(const double *matrix, const double *v, double *result)
+{
+    for (int i = 0; i < 3; i++)
+        result[i] = dot3(matrix + 3 * i, v);
+}
+
+static inline double determinant3(const double *m)
+{
+    return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
+}
+
 /* complex numbers */
 
 typedef struct {

@@ -62,10 +62,8 @@ PyObject *solve(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Py_buffer buffers[6];
     (void)self;
-    if (!are_arguments(count, 8))
-        return NULL;
-    double factor = PyFloat_AsDouble(args[6]), threshold = PyFloat_AsDouble(args[7]);
-    if (PyErr_Occurred())
+    double factor, threshold;
+    if (!are_arguments(count, 8) || !take_number(args[6], &factor) || !take_number(args[7], &threshold))
         return NULL;
     int k = count_columns(args[2]);
     const int columns[] = {k, 1, -k, -k * k, -k, -k};
@@ -84,11 +82,9 @@ PyObject *plain_law(PyObject *self, PyObject *const *args, Py_ssize_t count)
     double on_stack[7 * ROWS_ON_STACK], right[36], components[6], norm = 0.0;
     Py_buffer buffers[6];
     (void)self;
-    if (!are_arguments(count, 9))
-        return NULL;
-    double least_depth = PyFloat_AsDouble(args[6]), gain = PyFloat_AsDouble(args[7]);
-    double threshold = PyFloat_AsDouble(args[8]);
-    if (PyErr_Occurred())
+    double least_depth, gain, threshold;
+    if (!are_arguments(count, 9) || !take_number(args[6], &least_depth) || !take_number(args[7], &gain) ||
+        !take_number(args[8], &threshold))
         return NULL;
     Py_ssize_t n = take_arrays(args, columns, 6, 2, buffers), m = 3 * n;
     if (n < 0)

@@ -22,10 +22,8 @@ PyObject *are_lines(PyObject *self, PyObject *const *args, Py_ssize_t count)
     static const int columns[] = {3, 3};
     Py_buffer buffers[2];
     (void)self;
-    if (!are_arguments(count, 3))
-        return NULL;
-    double tolerance = PyFloat_AsDouble(args[2]);
-    if (tolerance == -1.0 && PyErr_Occurred())
+    double tolerance;
+    if (!are_arguments(count, 3) || !take_number(args[2], &tolerance))
         return NULL;
     Py_ssize_t n = take_arrays(args, columns, 2, 0, buffers);
     if (n < 0)
@@ -34,8 +32,8 @@ PyObject *are_lines(PyObject *self, PyObject *const *args, Py_ssize_t count)
     int good = 1;
     /* Written so that a comparison with NaN fails. */
     for (; n > 0 && good; n--, u += 3, l += 3)
-        good = fabs(u[0] * u[0] + u[1] * u[1] + u[2] * u[2] - 1.0) <= tolerance && isfinite(l[0]) && isfinite(l[1]) &&
-               isfinite(l[2]) && fabs(u[0] * l[0] + u[1] * l[1] + u[2] * l[2]) <= tolerance * (1.0 + largest_element(l));
+        good = fabs(dot3(u, u) - 1.0) <= tolerance && isfinite(l[0]) && isfinite(l[1]) &&
+               isfinite(l[2]) && fabs(dot3(u, l)) <= tolerance * (1.0 + largest_element(l));
     release_arrays(buffers, 2);
     return PyBool_FromLong(good);
 }
@@ -45,10 +43,8 @@ PyObject *have_images(PyObject *self, PyObject *const *args, Py_ssize_t count)
     static const int columns[] = {3};
     Py_buffer buffers[1];
     (void)self;
-    if (!are_arguments(count, 2))
-        return NULL;
-    double least_depth = PyFloat_AsDouble(args[1]);
-    if (least_depth == -1.0 && PyErr_Occurred())
+    double least_depth;
+    if (!are_arguments(count, 2) || !take_number(args[1], &least_depth))
         return NULL;
     Py_ssize_t n = take_arrays(args, columns, 1, 0, buffers);
     if (n < 0)
@@ -66,10 +62,8 @@ PyObject *are_image_lines(PyObject *self, PyObject *const *args, Py_ssize_t coun
     static const int columns[] = {3};
     Py_buffer buffers[1];
     (void)self;
-    if (!are_arguments(count, 2))
-        return NULL;
-    double tolerance = PyFloat_AsDouble(args[1]);
-    if (tolerance == -1.0 && PyErr_Occurred())
+    double tolerance;
+    if (!are_arguments(count, 2) || !take_number(args[1], &tolerance))
         return NULL;
     Py_ssize_t n = take_arrays(args, columns, 1, 0, buffers);
     if (n < 0)
@@ -87,20 +81,17 @@ PyObject *is_rotation(PyObject *self, PyObject *const *args, Py_ssize_t count)
     static const int columns[] = {-9};
     Py_buffer buffers[1];
     (void)self;
-    if (!are_arguments(count, 2))
-        return NULL;
-    double tolerance = PyFloat_AsDouble(args[1]);
-    if ((tolerance == -1.0 && PyErr_Occurred()) || take_arrays(args, columns, 1, 0, buffers) < 0)
+    double tolerance;
+    if (!are_arguments(count, 2) || !take_number(args[1], &tolerance) || take_arrays(args, columns, 1, 0, buffers) < 0)
         return NULL;
     const double *r = buffers[0].buf;
     int good = 1;
     for (int i = 0; i < 3; i++)
         for (int j = i; j < 3; j++) {
-            double product = r[3 * i] * r[3 * j] + r[3 * i + 1] * r[3 * j + 1] + r[3 * i + 2] * r[3 * j + 2];
+            double product = dot3(r + 3 * i, r + 3 * j);
             good = good && fabs(product - (i == j)) <= tolerance;
         }
-    good = good && r[0] * (r[4] * r[8] - r[5] * r[7]) - r[1] * (r[3] * r[8] - r[5] * r[6]) +
-                           r[2] * (r[3] * r[7] - r[4] * r[6]) > 0.0;
+    good = good && determinant3(r) > 0.0;
     release_arrays(buffers, 1);
     return PyBool_FromLong(good);
 }

@@ -4,11 +4,6 @@
 
 #include <math.h>
 
-static double dot3(const double *a, const double *b)
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 PyObject *distances(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     static const int columns[] = {3, 3, -3, 3, 1};

@@ -87,11 +87,9 @@ PyObject *bilinear_newton(PyObject *self, PyObject *const *args, Py_ssize_t coun
     static const int columns[] = {2 * 4 * EQUATIONS * 6, 2 * 4, 2 * 6};
     Py_buffer buffers[3];
     (void)self;
-    if (!are_arguments(count, 7))
-        return NULL;
-    double steps = PyFloat_AsDouble(args[3]), enough = PyFloat_AsDouble(args[4]);
-    double small = PyFloat_AsDouble(args[5]), longest = PyFloat_AsDouble(args[6]);
-    if (PyErr_Occurred())
+    double steps, enough, small, longest;
+    if (!are_arguments(count, 7) || !take_number(args[3], &steps) || !take_number(args[4], &enough) ||
+        !take_number(args[5], &small) || !take_number(args[6], &longest))
         return NULL;
     Py_ssize_t starts = take_arrays(args, columns, 3, 2, buffers);
     if (starts < 0)

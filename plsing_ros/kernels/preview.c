@@ -35,8 +35,10 @@ static void move_lines(const double *u, const double *l, Py_ssize_t n, const dou
                        double *new_l)
 {
     for (; n > 0; n--, u += 3, l += 3, new_u += 3, new_l += 3) {
-        double shifted[3] = {l[0] - t[1] * u[2] + t[2] * u[1], l[1] - t[2] * u[0] + t[0] * u[2],
-                             l[2] - t[0] * u[1] + t[1] * u[0]};
+        double shift[3], shifted[3];
+        cross3(t, u, shift);
+        for (int j = 0; j < 3; j++)
+            shifted[j] = l[j] - shift[j];
         for (int j = 0; j < 3; j++) {
             new_u[j] = u[0] * R[j] + u[1] * R[3 + j] + u[2] * R[6 + j];
             new_l[j] = shifted[0] * R[j] + shifted[1] * R[3 + j] + shifted[2] * R[6 + j];

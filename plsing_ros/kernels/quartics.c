@@ -8,14 +8,6 @@
 #define EQUATIONS 5
 #define FORCES 4
 
-static void cross_product(const double *a, const double *b, double *c)
-{
-    for (int i = 0; i < 3; i++) {
-        int j = (i + 1) % 3, k = (i + 2) % 3;
-        c[i] = a[j] * b[k] - a[k] * b[j];
-    }
-}
-
 /* Fill the five equations, linear in the axis direction, for each force of an orthonormal basis of those across their
  * lines in balance and without virial. */
 static void force_equations(const double *u, const double *point, double equations[FORCES][EQUATIONS][3])
@@ -32,9 +24,9 @@ static void force_equations(const double *u, const double *point, double equatio
     memset(equations, 0, FORCES * EQUATIONS * 3 * sizeof(double));
     for (int i = 0; i < LINES; i++) {
         double moment[3];
-        cross_product(u + 3 * i, point + 3 * i, moment);
+        cross3(u + 3 * i, point + 3 * i, moment);
         for (int f = 0; f < FORCES; f++) {
-            cross_product(u + 3 * i, forces[f] + 3 * i, equations[f][i]);
+            cross3(u + 3 * i, forces[f] + 3 * i, equations[f][i]);
             add_multiple(equations[f][4], dot_product(forces[f] + 3 * i, moment, 3), u + 3 * i, 3);
         }
     }

@@ -60,15 +60,11 @@ void residuals_at(const struct image *image, const double *rotation, const doubl
     const double *known = image->lines, *seen = image->seen;
     for (Py_ssize_t i = 0; i < image->count; i++, known += 6, seen += 3) {
         struct residual *line = lines + i;
-        double u[3], m[3];
-        for (int j = 0; j < 3; j++) {
-            const double *row = rotation + 3 * j;
-            u[j] = row[0] * known[0] + row[1] * known[1] + row[2] * known[2];
-            m[j] = row[0] * known[3] + row[1] * known[4] + row[2] * known[5];
-        }
-        m[0] += t[1] * u[2] - t[2] * u[1];
-        m[1] += t[2] * u[0] - t[0] * u[2];
-        m[2] += t[0] * u[1] - t[1] * u[0];
+        double u[3], m[3], shift[3];
+        times3(rotation, known, u);
+        times3(rotation, known + 3, m);
+        cross3(t, u, shift);
+        add_multiple(m, 1.0, shift, 3);
         double depth = fmax(hypot(m[0], m[1]), SMALLEST_DEPTH), agreement = seen[0] * m[0] + seen[1] * m[1];
         /* From here on, each line is directed as it is seen. */
         double scale = copysign(1.0 / depth, agreement);

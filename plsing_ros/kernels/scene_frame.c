@@ -59,10 +59,8 @@ PyObject *scene_coordinates(PyObject *self, PyObject *const *args, Py_ssize_t co
 {
     Py_buffer buffers[5];
     (void)self;
-    if (!are_arguments(count, 7))
-        return NULL;
-    double share = PyFloat_AsDouble(args[5]), smallest = PyFloat_AsDouble(args[6]);
-    if (PyErr_Occurred())
+    double share, smallest;
+    if (!are_arguments(count, 7) || !take_number(args[5], &share) || !take_number(args[6], &smallest))
         return NULL;
     int scenes = count_rows(args[0]);
     if (scenes < 0)

@@ -211,10 +211,8 @@ PyObject *singularity_ratios(PyObject *self, PyObject *const *args, Py_ssize_t c
 {
     Py_buffer buffers[5];
     (void)self;
-    if (!are_arguments(count, 6))
-        return NULL;
-    double on_line = PyFloat_AsDouble(args[5]);
-    if (on_line == -1.0 && PyErr_Occurred())
+    double on_line;
+    if (!are_arguments(count, 6) || !take_number(args[5], &on_line))
         return NULL;
     int scenes = count_rows(args[0]), centers = scenes < 0 ? -1 : count_rows(args[2]);
     if (centers < 0)

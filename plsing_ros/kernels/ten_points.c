@@ -119,10 +119,8 @@ PyObject *axis_centers(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Py_buffer buffers[9];
     (void)self;
-    if (!are_arguments(count, 10))
-        return NULL;
-    double at_infinity = PyFloat_AsDouble(args[9]);
-    if (at_infinity == -1.0 && PyErr_Occurred())
+    double at_infinity;
+    if (!are_arguments(count, 10) || !take_number(args[9], &at_infinity))
         return NULL;
     int points = count_rows(args[5]);
     if (points < 0)
@@ -198,10 +196,8 @@ PyObject *with_conjugates(PyObject *self, PyObject *const *args, Py_ssize_t coun
 {
     Py_buffer buffers[8];
     (void)self;
-    if (!are_arguments(count, 9))
-        return NULL;
-    double is_real = PyFloat_AsDouble(args[8]);
-    if (is_real == -1.0 && PyErr_Occurred())
+    double is_real;
+    if (!are_arguments(count, 9) || !take_number(args[8], &is_real))
         return NULL;
     int points = count_rows(args[1]), used = 0;
     if (points < 0)

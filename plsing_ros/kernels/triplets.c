@@ -10,11 +10,6 @@
 #define DEGENERATE 1e-10
 #define LEAST 1e-15
 
-static double dot3(const double *a, const double *b)
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* c = a b, or a^T b. */
 static void multiply(const double *a, int transposed, const double *b, double *c)
 {
@@ -43,9 +38,7 @@ static void solve_for_alpha(double equations[2][3][3], double cosine, double sin
     for (int k = 0; k < 2; k++)
         for (int i = 0; i < 3; i++)
             at[k][i] = equations[k][i][0] + equations[k][i][1] * cosine + equations[k][i][2] * sine;
-    solution[0] = at[0][1] * at[1][2] - at[0][2] * at[1][1];
-    solution[1] = at[0][2] * at[1][0] - at[0][0] * at[1][2];
-    solution[2] = at[0][0] * at[1][1] - at[0][1] * at[1][0];
+    cross3(at[0], at[1], solution);
 }
 
 /* Fill the rotations (3, 3) of one triplet and return how many there are; -1 for a continuum. */
