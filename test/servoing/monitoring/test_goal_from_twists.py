@@ -63,8 +63,11 @@ def test_any_scene_and_goal(lines, start, way, gain):
     goal = start.moved(way, 0.5)
     for pose in (start, goal):
         assume(not degenerate_projections(lines.transformed(pose.inverse(), "camera")).any())
-    frames = list(run(lines, start, goal, gain, 25))
-    assume(all(factors.inverse_condition_number > 1e-4 for _, factors, _ in frames))
+    frames = []
+    for frame in run(lines, start, goal, gain, 25):
+        # Before the camera moves on: near a singularity it is thrown out of sight.
+        assume(frame[1].inverse_condition_number > 1e-4)
+        frames.append(frame)
     assume(np.linalg.norm(frames[0][2]) > 1e-3)
     search = GoalFromTwists()
     assert found_after(search, frames) is not None

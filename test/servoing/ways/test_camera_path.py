@@ -32,8 +32,9 @@ def between(one, other):
 @given(way=ways())
 def test_it_goes_from_start_to_goal(way):
     for pose, end in ((way.pose(0.0), way.start), (way.pose(way.duration), way.goal)):
-        np.testing.assert_array_equal(pose.translation, end.translation)
-        np.testing.assert_array_equal(pose.rotation, end.rotation)
+        # A way may be so short that its duration underflows on the way.
+        np.testing.assert_allclose(pose.translation, end.translation, rtol=0.0, atol=1e-100)
+        np.testing.assert_allclose(pose.rotation, end.rotation, rtol=0.0, atol=1e-100)
     # Also as a limit, not only by definition.
     rotation, position = way.poses(np.array([0.0, 1.0]))
     np.testing.assert_allclose(position, [way.start.translation, way.goal.translation], atol=1e-12)
@@ -51,7 +52,8 @@ def test_the_twist_is_the_central_difference_of_the_pose(way, share):
     time, step = share * way.duration, 1e-5 * way.duration
     before, middle, after = (way.pose(time + sign * step) for sign in (-1.0, 0.0, 1.0))
     difference = (between(middle, after) - between(middle, before)) / (2.0 * step)
-    np.testing.assert_allclose(way.twist(time), difference, atol=1e-5)
+    # Where a ramp ends the twist has a kink, which the difference misses by a share of the step.
+    np.testing.assert_allclose(way.twist(time), difference, atol=3e-5 * (1.0 + np.abs(difference).max()))
 
 
 @few
