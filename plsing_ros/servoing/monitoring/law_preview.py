@@ -224,7 +224,7 @@ class LawPreview:
         if previous is None or previous.error is None or sight.error is None or sight.stamp <= previous.stamp:
             return
         noise = (sight.error - previous.error) * _SQRT_HALF
-        if np.abs(noise).max() > _LEAST_NOISE:
+        if np.vdot(noise, noise) > _LEAST_NOISE**2:
             self._noise.append(noise)
 
     def _speed_by_noise(self, lines: Array, twist: Array, desired: Array) -> float:
