@@ -19,8 +19,11 @@ def well_posed(lines):
     assume(not frame.concurrent)
     ten = solve_ten_points(frame.direction[np.newaxis], frame.point[np.newaxis])
     assume(ten.complete[0] and ten.rank_margin[0] > 1e-4)
-    # Points so far away, or so near to each other, that they move by more than the tolerance below with rounding.
+    # Points so far away, or so near to each other, that they move by more than the tolerance below with rounding; or so
+    # near to an observed line that rounding says whether they are on it.
     center = ten.center[0]
+    from_line = np.linalg.norm(np.cross(center[:, None] - frame.point, frame.direction), axis=2)
+    assume((from_line > 1e-4 * (1.0 + np.linalg.norm(center, axis=1)[:, None])).all())
     apart = np.abs(center[:, None] - center).max(axis=2) + np.eye(10)
     assume(np.abs(center).max() < 1e3 and apart.min() > 1e-3)
     return singular_set(lines)
