@@ -48,6 +48,7 @@ setup(
             "controller = plsing_ros.nodes.controller:main",
             "singularity_monitor = plsing_ros.nodes.singularity_monitor:main",
             "pose_estimator = plsing_ros.nodes.pose_estimator:main",
+            "container = plsing_ros.nodes.container:main",
             "demo = plsing_ros.cli.demo:main",
             "analyze = plsing_ros.cli.analyze:main",
             "paper = plsing_ros.cli.paper:main",

@@ -7,6 +7,7 @@ import gc
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 import rclpy
@@ -43,21 +44,16 @@ def make_executor(kind: str, context: Context) -> Executor:
     return SingleThreadedExecutor(context=context)
 
 
-def run_node(
-    create: Callable[..., ParameterizedNode[Any]], description: str, epilog: str, argv: Sequence[str] | None = None
-) -> int:
-    """Run one node until SIGINT or SIGTERM; return the exit code.
+Create = Callable[..., ParameterizedNode[Any]]
+
+
+def node_parser(description: str, epilog: str) -> argparse.ArgumentParser:
+    """Return the parser of a node's command line, ROS arguments left out.
 
     Args:
-        create: Makes the node; takes the keyword context.
         description: What the program does, for --help.
         epilog: Examples, for --help.
-        argv: Command line without the program's name; that of the process if not given.
-
-    Returns:
-        0 after a signal; 2 with one line on standard error if a parameter, parameter file or ROS argument is bad.
     """
-    arguments = list(sys.argv[1:] if argv is None else argv)
     parser = argparse.ArgumentParser(
         description=description, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -67,20 +63,50 @@ def run_node(
         default="events",
         help="events is several times faster; single is rclpy's standard one (default: %(default)s)",
     )
+    return parser
+
+
+def run_node(create: Create, description: str, epilog: str, argv: Sequence[str] | None = None) -> int:
+    """Run one node; see run_nodes for create, argv and the exit code, node_parser for the rest."""
+    return run_nodes(lambda _: [create], node_parser(description, epilog), argv)
+
+
+def run_nodes(
+    choose: Callable[[argparse.Namespace], Sequence[Create]],
+    parser: argparse.ArgumentParser,
+    argv: Sequence[str] | None = None,
+) -> int:
+    """Run nodes in this process, in one thread, until SIGINT or SIGTERM; return the exit code.
+
+    Args:
+        choose: Takes the options and returns what makes each node; that takes the keyword context.
+        parser: Made by node_parser.
+        argv: Command line without the program's name; that of the process if not given.
+
+    Returns:
+        0 after a signal; 2 with one line on standard error if a parameter, parameter file or ROS argument is bad.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
     context = Context()
+    nodes: list[ParameterizedNode[Any]] = []
     try:
         options = parser.parse_args(remove_ros_args(["program", *arguments])[1:])
         # Own signal handling: rclpy's would take the context away before the last, zero twist can be published.
         rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
-        node = create(context=context)
+        # One by one, so that those before a refused one are known.
+        for create in choose(options):
+            nodes.append(create(context=context))
     except (PlsingError, *_REFUSED_BY_RCLPY) as error:
+        for node in nodes:
+            node.destroy_node()
         if context.ok():
             rclpy.shutdown(context=context)
         # What follows in rcl's messages is a place in its source.
         print(f"{parser.prog}: {str(error).split(', at /')[0].splitlines()[0]}", file=sys.stderr)
         return BAD_INPUT
     executor = make_executor(options.executor, context)
-    executor.add_node(node)
+    for node in nodes:
+        executor.add_node(node)
     # What is there now stays: the collector need not go through all of it again between two cycles.
     gc.collect()
     gc.freeze()
@@ -93,13 +119,14 @@ def run_node(
             executor.spin_until_future_complete(never, timeout_sec=0.1)
     finally:
         # After a signal, and just as well when a callback has failed.
-        try:
-            node.stop()
-        finally:
-            executor.remove_node(node)
-            node.destroy_node()
-            executor.shutdown()
-            rclpy.shutdown(context=context)
+        with ExitStack() as ending:
+            ending.callback(rclpy.shutdown, context=context)
+            ending.callback(executor.shutdown)
+            for node in nodes:
+                ending.callback(node.destroy_node)
+                ending.callback(executor.remove_node, node)
+            for node in nodes:
+                ending.callback(node.stop)
     return 0
 
 

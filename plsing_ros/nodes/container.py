@@ -1,0 +1,43 @@
+"""Executable container: several of the nodes in one process, where a message takes the shortest way."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from plsing_ros.errors import ParameterError
+from plsing_ros.nodes.controller import Controller
+from plsing_ros.nodes.feature_simulator import FeatureSimulator
+from plsing_ros.nodes.pose_estimator import PoseEstimator
+from plsing_ros.nodes.run import Create, node_parser, run_nodes
+from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+
+NODES: dict[str, Create] = {
+    "controller": Controller,
+    "feature_simulator": FeatureSimulator,
+    "pose_estimator": PoseEstimator,
+    "singularity_monitor": SingularityMonitor,
+}
+
+_EXAMPLES = """examples:
+  ros2 run plsing_ros container feature_simulator controller --ros-args --params-file config/paper_p4l.yaml
+  ros2 run plsing_ros container pose_estimator controller --ros-args --params-file config/paper_p4l.yaml \\
+    -r controller:line_features:=completed_line_features -p controller:gain:=0.5
+
+The nodes share one thread: put those together that wait for each other anyway, and the singularity_monitor, which
+nobody waits for, in a process of its own. On the command line, -p NODE:NAME:=VALUE sets a parameter of one node.
+docs/performance.md says what it gains."""
+
+
+def main() -> int:
+    """Run the nodes."""
+    parser = node_parser(__doc__.split("\n")[0], _EXAMPLES)
+    parser.add_argument("nodes", nargs="+", choices=sorted(NODES), metavar="node", help=", ".join(sorted(NODES)))
+    return run_nodes(_chosen, parser)
+
+
+def _chosen(options: argparse.Namespace) -> Sequence[Create]:
+    twice = {name for name in options.nodes if options.nodes.count(name) > 1}
+    if twice:
+        raise ParameterError(f"node '{min(twice)}' is given more than once; each can run once in a process")
+    return [NODES[name] for name in options.nodes]
