@@ -11,6 +11,8 @@ from contextlib import ExitStack
 from typing import Any
 
 import rclpy
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import Executor, SingleThreadedExecutor
@@ -23,6 +25,10 @@ from plsing_ros.errors import PlsingError
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 
 BAD_INPUT = 2
+
+# After a signal a node goes on for at most this time [s].
+_SIGNAL_PERIOD = 0.1
+_SPIN_TIME = 3600.0  # [s]
 
 # How rclpy reports bad ROS arguments and parameter files (RuntimeError, of which its own error types are made), bad
 # parameters, names, and QoS overrides.
@@ -111,12 +117,18 @@ def run_nodes(
     gc.collect()
     gc.freeze()
     try:
-        stopping = _stop_signals()
-        while not stopping:
-            # Not spin(): an idle EventsExecutor would keep Python from seeing the signal. Not spin_once(): it comes
-            # back after each event, which slows a fast loop down. A new future each time: rclpy adds a callback to it.
-            never: Future[None] = Future()
-            executor.spin_until_future_complete(never, timeout_sec=0.1)
+        received = _stop_signals()
+        stop: Future[None] = Future()
+        # A timer sees to the signal: an idle EventsExecutor keeps Python from seeing it, and one whose nodes answer
+        # each other is never idle, and then does not even come back at a timeout.
+        nodes[0].create_timer(
+            _SIGNAL_PERIOD,
+            lambda: stop.set_result(None) if received else None,
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
+        )
+        while not stop.done():
+            # With a timeout, because without one the EventsExecutor serves nothing.
+            executor.spin_until_future_complete(stop, timeout_sec=_SPIN_TIME)
     finally:
         # After a signal, and just as well when a callback has failed.
         with ExitStack() as ending:

@@ -102,7 +102,15 @@ def test_a_signal_ends_the_controller_with_a_zero_twist_and_exit_code_0(ros, sta
 def test_a_container_runs_a_closed_loop_in_one_process_and_ends_it_with_a_zero_twist(ros, start):
     twists = ros.collect(TwistStamped, "cmd_twist", qos.STATUS)
     statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
-    container = start("container", "feature_simulator", "controller", "singularity_monitor", *PAPER)
+    # In lockstep simulator and controller always have an answer to take, and must see the signal all the same.
+    lockstep = [
+        "feature_simulator:mode:=lockstep",
+        "feature_simulator:publish_clock:=true",
+        "controller:use_sim_time:=true",
+        "singularity_monitor:use_sim_time:=true",
+    ]
+    lockstep = [each for parameter in lockstep for each in ("-p", parameter)]
+    container = start("container", "feature_simulator", "controller", "singularity_monitor", *PAPER, *lockstep)
     ros.spin_until(
         lambda: any(np.any(twist_values(each) != 0.0) for each in twists) and any(each.goal_valid for each in statuses),
         "a twist, and a status",
@@ -110,16 +118,18 @@ def test_a_container_runs_a_closed_loop_in_one_process_and_ends_it_with_a_zero_t
     )
     container.send_signal(signal.SIGTERM)
     ros.spin_until(lambda: container.poll() is not None, "the end of the process")
-    ros.spin_for(0.2)
+    ros.spin_until(lambda: np.all(twist_values(twists[-1]) == 0.0), "a zero twist")
     assert container.returncode == 0, output_of(container)
     assert "Traceback" not in output_of(container)
-    assert np.all(twist_values(twists[-1]) == 0.0)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["controller", "feature_simulator", *PAPER, "-p", "feature_simulator:noise:=-1.0"], "parameter 'noise' is -1.0"),
+        (
+            ["controller", "feature_simulator", *PAPER, "-p", "feature_simulator:noise:=-1.0"],
+            "parameter 'noise' is -1.0",
+        ),
         (["controller", "singularity_monitor", *PAPER, "-p", "gain:=0.5"], "unknown parameter 'gain'"),
         (["controller", "controller", *PAPER], "node 'controller' is given more than once"),
         (["contoller", *PAPER], "invalid choice: 'contoller' (choose from"),
