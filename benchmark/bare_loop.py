@@ -29,7 +29,7 @@ class BareSimulator(BareNode):
     """Sends the next clock, pose and features when the twist for the latest has come."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("bare_simulator", **options)
+        super().__init__("feature_simulator", **options)
         self.steps = StepTimes()
         self._number = 1
         self._time, self._pose, self._features = Clock(), PoseWithCovarianceStamped(), LineFeatureArray()
@@ -62,7 +62,7 @@ class BareController(BareNode):
     """Answers features with a twist of their stamp."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("bare_controller", **options)
+        super().__init__("controller", **options)
         self._twist = TwistStamped()
         self._twist.header.frame_id = _FRAME
         self._topic = self.create_publisher(TwistStamped, "cmd_twist", qos.COMMAND)
@@ -77,7 +77,7 @@ class BareMonitor(BareNode):
     """Listens to what the monitor listens to."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("bare_monitor", **options)
+        super().__init__("singularity_monitor", **options)
         self.create_subscription(LineFeatureArray, "line_features", lambda _: None, qos.SENSOR_DATA)
         self.create_subscription(PoseWithCovarianceStamped, "camera_pose", lambda _: None, qos.SENSOR_DATA)
         self.create_subscription(TwistStamped, "cmd_twist", lambda _: None, qos.COMMAND_INPUT)

@@ -1,11 +1,11 @@
 """The closed loop over DDS: simulator, controller and monitor in lockstep, on each executor in the same run.
 
 Beside it bare nodes that send the same messages and compute nothing: what rclpy and the middleware take of each step.
+Nodes that are named together share a process, as in the executable container.
 """
 
 from __future__ import annotations
 
-import functools
 import os
 import signal
 import statistics
@@ -24,7 +24,7 @@ from plsing_ros.experiments.config_files import config_file
 from plsing_ros.nodes.controller import Controller
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
 from plsing_ros.nodes.harness import Harness
-from plsing_ros.nodes.run import run_node
+from plsing_ros.nodes.run import node_parser, run_nodes
 from plsing_ros.nodes.singularity_monitor import SingularityMonitor
 
 TIMEOUT = 120.0  # [s]
@@ -57,9 +57,28 @@ class Nodes(NamedTuple):
     of_simulator: Mapping[str, Any]
 
 
+class Place(NamedTuple):
+    """Where the nodes of a loop run.
+
+    Attributes:
+        processes: The nodes of each process.
+        before_monitor: Put before the command of the process whose only node is the monitor.
+    """
+
+    processes: Sequence[Sequence[str]]
+    before_monitor: Sequence[str] = ()
+
+
 LOOPS = {
     "ours": Nodes(Controller, SingularityMonitor, TimedSimulator, PARAMETERS, IN_LOCKSTEP),
     "bare": Nodes(BareController, BareMonitor, BareSimulator, None, {}),
+}
+_APART = (["simulator"], ["controller"], ["monitor"])
+PLACES = {
+    "three processes": Place(_APART),
+    "monitor at nice 10": Place(_APART, ("nice", "-n", "10")),
+    "monitor apart": Place((["simulator", "controller"], ["monitor"])),
+    "one process": Place((["simulator", "controller", "monitor"],)),
 }
 
 
@@ -67,58 +86,36 @@ def main() -> None:
     """Measure and print."""
     print(f"time from one frame to the next, {FRAMES} frames, three nodes [ms]\n")
     print(f"{'':>20} {'nodes':>6} {'executor':>10} {'median':>8} {'10 %':>8} {'99 %':>8} {'steps/s':>8}")
-    yielding = functools.partial(_apart, monitor=("nice", "-n", "10"))
-    ways = (("in three processes", _apart), ("monitor at nice 10", yielding), ("in one process", _together))
-    for where, measured in ways:
+    for where, place in PLACES.items():
         for loop in LOOPS:
             medians = {}
             for executor in ("events", "single"):
-                steps = measured(loop, executor)
+                steps = measured(loop, place, executor)
                 medians[executor] = statistics.median(steps)
                 low, high = np.percentile(steps, [10, 99])
                 print(
                     f"{where:>20} {loop:>6} {executor:>10} {medians[executor]:8.2f} {low:8.2f} {high:8.2f} "
-                    f"{1e3 / medians[executor]:8.0f}",
+                    f"{1e3 / statistics.mean(steps):8.0f}",
                     flush=True,
                 )
             print(f"{where:>20} {loop:>6} single / events: {medians['single'] / medians['events']:.1f}\n")
 
 
-def run_one(loop: str, role: str, *argv: str) -> int:
-    """Run one node of a loop in this process; the simulator ends after the last frame and prints its times."""
-    if role != "simulator":
-        return run_node(getattr(LOOPS[loop], role), role, "", argv)
-    made = []
-
-    def create(**options: Any) -> Any:
-        made.append(LOOPS[loop].simulator(**options))
-        made[0].steps.done.add_done_callback(lambda _: os.kill(os.getpid(), signal.SIGTERM))
-        return made[0]
-
-    code = run_node(create, role, "", argv)
-    if code == 0:
-        print(*made[0].steps.milliseconds())
-    return code
-
-
-def _together(loop: str, executor: str) -> Sequence[float]:
-    nodes = LOOPS[loop]
-    with Harness(executor, log_level="ERROR") as ros:
-        for node in (nodes.monitor, nodes.controller):
-            ros.add(node, nodes.params_file, {"use_sim_time": True})
-        simulator = ros.add(nodes.simulator, nodes.params_file, nodes.of_simulator)
-        # Not spin_until: it comes back after each event.
-        ros._executor.spin_until_future_complete(simulator.steps.done, TIMEOUT)
-        return simulator.steps.milliseconds()
-
-
-def _apart(loop: str, executor: str, monitor: Sequence[str] = ()) -> Sequence[float]:
+def measured(loop: str, place: Place, executor: str) -> Sequence[float]:
+    """Return the times from one frame to the next [ms]."""
     # The harness only for its domain.
     with Harness(executor, log_level="ERROR") as ros:
-        start = functools.partial(_process, loop, executor, ros.environment())
-        others = [start("controller", {"use_sim_time": True}), start("monitor", {"use_sim_time": True}, monitor)]
+        # The simulator last: from its first frame on the others must be there.
+        others, leading = [], None
+        for nodes in sorted(place.processes, key=lambda each: "simulator" in each):
+            process = _start(loop, nodes, executor, place.before_monitor if nodes == ["monitor"] else (), ros)
+            if "simulator" in nodes:
+                leading = process
+            else:
+                others.append(process)
+        assert leading is not None
         try:
-            output, _ = start("simulator", LOOPS[loop].of_simulator).communicate(timeout=TIMEOUT)
+            output, _ = leading.communicate(timeout=TIMEOUT)
         finally:
             for process in others:
                 process.terminate()
@@ -127,29 +124,42 @@ def _apart(loop: str, executor: str, monitor: Sequence[str] = ()) -> Sequence[fl
         return [float(each) for each in output.split()]
 
 
-def _process(
-    loop: str,
-    executor: str,
-    environment: dict[str, str],
-    role: str,
-    parameters: Mapping[str, Any],
-    before: Sequence[str] = (),
+def run_some(loop: str, names: str, *argv: str) -> int:
+    """Run nodes of a loop in this process; the simulator ends it after the last frame and prints its times."""
+    simulators = []
+
+    def simulator(**options: Any) -> Any:
+        simulators.append(LOOPS[loop].simulator(**options))
+        simulators[0].steps.done.add_done_callback(lambda _: os.kill(os.getpid(), signal.SIGTERM))
+        return simulators[0]
+
+    nodes = [simulator if name == "simulator" else getattr(LOOPS[loop], name) for name in names.split(",")]
+    code = run_nodes(lambda _: nodes, node_parser("", ""), argv)
+    if code == 0 and simulators:
+        print(*simulators[0].steps.milliseconds())
+    return code
+
+
+def _start(
+    loop: str, nodes: Sequence[str], executor: str, before: Sequence[str], ros: Harness
 ) -> subprocess.Popen[str]:
-    given = [each for name, value in parameters.items() for each in ("-p", f"{name}:={value}")]
     file = LOOPS[loop].params_file
+    parameters = [f"{name}:={value}" for name, value in LOOPS[loop].of_simulator.items() if "simulator" in nodes]
+    parameters = [f"feature_simulator:{each}" for each in parameters]
+    parameters += [f"{name}:use_sim_time:=true" for name in ("controller", "singularity_monitor")]
     return subprocess.Popen(
         [
             *before,
             *(
                 sys.executable,
                 "-c",
-                "import sys; from benchmark.closed_loop import run_one as run; sys.exit(run(*sys.argv[1:]))",
+                "import sys; from benchmark.closed_loop import run_some as run; sys.exit(run(*sys.argv[1:]))",
             ),
-            *(loop, role, "--executor", executor, "--ros-args", "--log-level", "ERROR"),
+            *(loop, ",".join(nodes), "--executor", executor, "--ros-args", "--log-level", "ERROR"),
             *([] if file is None else ["--params-file", str(file)]),
-            *given,
+            *(each for parameter in parameters for each in ("-p", parameter)),
         ],
-        env=environment,
+        env=ros.environment(),
         cwd=ROOT,
         stdout=subprocess.PIPE,
         text=True,

@@ -7,7 +7,7 @@ import time
 import numpy as np
 from rclpy.task import Future
 
-FRAMES, FIRST_FRAMES = 1000, 50  # the first ones are not counted
+FRAMES, FIRST_FRAMES = 3000, 100  # the first ones are not counted
 
 
 class StepTimes:
