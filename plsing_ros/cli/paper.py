@@ -20,7 +20,7 @@ from plsing_ros.experiments.paper_tasks import paper_tasks
 from plsing_ros.experiments.pose_claims import draw_pose_errors
 from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS
 from plsing_ros.experiments.run_record import RunRecord
-from plsing_ros.experiments.scene_page import save_scene_page
+from plsing_ros.experiments.scene_page import require_plotly, save_scene_page
 from plsing_ros.experiments.servo_task import ServoTask
 from plsing_ros.experiments.variants import PLAIN, all_variants, run_pose_experiments, run_variants
 from plsing_ros.nodes.task_loop import run_in_nodes
@@ -65,6 +65,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> bool:
+    # Before the long part, like the folders.
+    require_plotly()
     figures = options.docs / "figures" / "paper"
     for folder in (figures, options.output):
         _make_folder(folder)

@@ -17,6 +17,22 @@ _SURFACE_COLORS = {"quadric": "#8fb0d0", "cubic surface": "#d9b38c"}
 _PATH_COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf")
 
 
+def require_plotly() -> Any:
+    """Return plotly.graph_objects.
+
+    Raises:
+        PlsingError: If plotly is not installed.
+    """
+    try:
+        from plotly import graph_objects
+    except ImportError as error:
+        raise PlsingError(
+            "the interactive page needs plotly, which is not installed (pip install plotly, or Ubuntu's package "
+            f"python3-plotly): {error}"
+        ) from None
+    return graph_objects
+
+
 def save_scene_page(
     file: Path,
     title: str,
@@ -40,10 +56,7 @@ def save_scene_page(
     Raises:
         PlsingError: If plotly is not installed, or the file cannot be written.
     """
-    try:
-        from plotly import graph_objects
-    except ImportError as error:
-        raise PlsingError(f"the interactive page needs plotly, which is not installed: {error}") from None
+    graph_objects = require_plotly()
     center = found.frame.center
     figure = graph_objects.Figure()
     for name, line in zip(
