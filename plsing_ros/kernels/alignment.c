@@ -19,16 +19,13 @@ static double smallest_cosine(const double *u, const double *rotation, const dou
 
 PyObject *least_cosine(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3, -9, 3};
-    Py_buffer buffers[3];
+    static const struct signature expected = {3, 0, 0, {3, -9, 3}};
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 3))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 3, 0, buffers);
-    if (n < 0)
-        return NULL;
-    double least = smallest_cosine(buffers[0].buf, buffers[1].buf, buffers[2].buf, n);
-    release_arrays(buffers, 3);
+    double least = smallest_cosine(given.array[0], given.array[1], given.array[2], given.rows);
+    release_arguments(&given);
     return PyFloat_FromDouble(least);
 }
 
@@ -56,20 +53,18 @@ static double best_rotation(const double *u, const double *v, Py_ssize_t n, doub
 
 PyObject *align(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3, 3, 3, 3, -9, -3, -3};
-    Py_buffer buffers[7];
+    static const struct signature expected = {7, 3, 0, {3, 3, 3, 3, -9, -3, -3}};
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 7))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 7, 3, buffers);
-    if (n < 0)
-        return NULL;
-    const double *u = buffers[0].buf, *l = buffers[1].buf, *seen_u = buffers[2].buf, *seen_l = buffers[3].buf;
-    double *rotation = buffers[4].buf, *t = buffers[5].buf, *quality = buffers[6].buf;
+    Py_ssize_t n = given.rows;
+    const double *u = given.array[0], *l = given.array[1], *seen_u = given.array[2], *seen_l = given.array[3];
+    double *rotation = given.array[4], *t = given.array[5], *quality = given.array[6];
     double on_stack[12 * LINES_ON_STACK];
     double *room = n <= LINES_ON_STACK ? on_stack : PyMem_RawMalloc(12 * n * sizeof(double));
     if (!room) {
-        release_arrays(buffers, 7);
+        release_arguments(&given);
         return PyErr_NoMemory();
     }
     int good = 0;
@@ -98,6 +93,6 @@ PyObject *align(PyObject *self, PyObject *const *args, Py_ssize_t count)
     }
     if (room != on_stack)
         PyMem_RawFree(room);
-    release_arrays(buffers, 7);
+    release_arguments(&given);
     return truth(good);
 }

@@ -26,23 +26,19 @@ int fill_interaction_matrix(const double *u, const double *l, Py_ssize_t n, doub
 
 PyObject *interaction_matrix(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3, 3, 18};
-    Py_buffer buffers[3];
+    static const struct signature expected = {3, 1, 1, {3, 3, 18}};
+    struct arguments given;
     (void)self;
-    double least_depth;
-    if (!are_arguments(count, 4) || !take_number(args[3], &least_depth))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 3, 1, buffers);
-    if (n < 0)
-        return NULL;
-    int good = fill_interaction_matrix(buffers[0].buf, buffers[1].buf, n, least_depth, buffers[2].buf);
-    release_arrays(buffers, 3);
+    int good = fill_interaction_matrix(given.array[0], given.array[1], given.rows, given.number[0], given.array[2]);
+    release_arguments(&given);
     return PyBool_FromLong(good);
 }
 
 PyObject *mean_interaction(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[5];
+    struct arguments given;
     (void)self;
     if (!are_arguments(count, 6))
         return NULL;
@@ -51,19 +47,18 @@ PyObject *mean_interaction(PyObject *self, PyObject *const *args, Py_ssize_t cou
         return NULL;
     if (k < 1 || k > MOST_COLUMNS)
         return PyErr_Format(PyExc_ValueError, "%ld columns given, allowed are 1 to 6", k);
-    const int columns[] = {3, 3, 3 * k, 3 * k, 3 * k};
-    Py_ssize_t n = take_arrays(args, columns, 5, 1, buffers);
-    if (n < 0)
+    const struct signature expected = {5, 1, 0, {3, 3, 3 * k, 3 * k, 3 * k}};
+    if (!take_arguments(args, 5, &expected, &given))
         return NULL;
-    const double *s = buffers[0].buf, *s_desired = buffers[1].buf, *L = buffers[2].buf, *L_desired = buffers[3].buf;
-    double *mean = buffers[4].buf;
-    for (; n > 0; n--, s += 3, s_desired += 3, L += 3 * k, L_desired += 3 * k, mean += 3 * k)
+    const double *s = given.array[0], *s_desired = given.array[1], *L = given.array[2], *L_desired = given.array[3];
+    double *mean = given.array[4];
+    for (Py_ssize_t n = given.rows; n > 0; n--, s += 3, s_desired += 3, L += 3 * k, L_desired += 3 * k, mean += 3 * k)
         for (int j = 0; j < k; j++) {
             double turn = s_desired[0] * L_desired[k + j] - s_desired[1] * L_desired[j];
             mean[j] = 0.5 * (L[j] - s[1] * turn);
             mean[k + j] = 0.5 * (L[k + j] + s[0] * turn);
             mean[2 * k + j] = 0.5 * (L[2 * k + j] + L_desired[2 * k + j]);
         }
-    release_arrays(buffers, 5);
+    release_arguments(&given);
     Py_RETURN_NONE;
 }

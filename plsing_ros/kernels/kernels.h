@@ -26,23 +26,39 @@
 
 /* buffers.c */
 
-/* Return the number of rows of the first array, given its columns, or -1 with an exception set.
+#define MOST_ARRAYS 10
+#define MOST_NUMBERS 4
+
+/* What a function takes: arrays, of which the last are written to, then numbers.
  *
- * The arrays have `columns` times that many elements each; negative numbers are lengths that do not depend on it. A
- * complex number counts as two. The last `written` of them are written to.
+ * The arrays have `columns` elements for each of the rows, whose number is that of the first array with any; negative
+ * columns are lengths that do not depend on it. A complex number counts as two.
  */
-Py_ssize_t take_arrays(PyObject *const *objects, const int *columns, int count, int written, Py_buffer *buffers);
-void release_arrays(Py_buffer *buffers, int count);
+struct signature {
+    int arrays, written, numbers, columns[MOST_ARRAYS];
+};
+
+struct arguments {
+    void *array[MOST_ARRAYS];
+    double number[MOST_NUMBERS];
+    Py_ssize_t rows;
+    Py_buffer buffers[MOST_ARRAYS];
+    int arrays;
+};
+
+/* Return whether the arguments are as expected, or 0 with an exception set and nothing to release. */
+int take_arguments(PyObject *const *args, Py_ssize_t count, const struct signature *expected, struct arguments *given);
+void release_arguments(struct arguments *given);
 /* Return whether that many arguments were given, or 0 with an exception set. */
 int are_arguments(Py_ssize_t given, Py_ssize_t expected);
-/* Give the value of an argument that is a number; return 0 with an exception set if it is none. */
-int take_number(PyObject *object, double *value);
 /* Return a truth value, or NULL if an exception was set. */
 PyObject *truth(int value);
 /* Return the length of an array that has an element for each column of a matrix, or -1 with an exception set. */
 int count_columns(PyObject *array);
 /* Return the number of rows of an array, or -1 with an exception set. */
 int count_rows(PyObject *array);
+/* Likewise, if there must be one for each line and at least one line. */
+int count_lines(PyObject *array);
 
 /* vectors of any length */
 
@@ -126,8 +142,9 @@ int fill_interaction_matrix(const double *u, const double *l, Py_ssize_t n, doub
 
 /* least_squares.c */
 
-/* Fill the decomposition of `matrix` (m, k), and `factor` times: `components` (k) along the left singular vectors, and the
- * `solution` (k) of least squares. Return whether the matrix and its factors are finite; without memory, 0 with an exception set. */
+/* Fill the decomposition of `matrix` (m, k), and `factor` times: `components` (k) along the left singular vectors, and
+ * the `solution` (k) of least squares. Return whether the matrix and its factors are finite; without memory, 0 with an
+ * exception set. */
 int solved(const double *matrix, const double *right_side, Py_ssize_t m, int k, double factor, double threshold,
            double *values, double *right, double *components, double *solution);
 
@@ -154,7 +171,6 @@ void along_left_vectors(struct decomposition *d, const double *vector, double *c
 
 /* residuals.c */
 
-#define MOST_LINES 1000000
 /* Numbers that kernels.image_residuals says of a line at a pose. */
 #define RESIDUAL_ROWS 15
 
@@ -165,7 +181,7 @@ struct image {
     Py_ssize_t count;
     double noise, scene, camera, least_cosine;
     struct residual *room; /* for 2 count residuals */
-    Py_buffer buffers[3];
+    struct arguments given;
 };
 
 /* A line at a pose; kernels/residuals.py has the names. */
@@ -174,8 +190,10 @@ struct residual {
     int reversed, hidden;
 };
 
-/* Take the lines, the image and its settings from three arguments; return 0 with an exception set if they do not fit. */
-int take_image(PyObject *const *args, struct image *image);
+/* Columns of the first three arguments: n lines, their image, and its settings. */
+#define IMAGE(n) -6 * (n), -3 * (n), -4
+/* Take arguments that begin with these; return 0 with an exception set, and nothing to release, if they do not fit. */
+int take_image(PyObject *const *args, Py_ssize_t count, const struct signature *expected, struct image *image);
 void release_image(struct image *image);
 /* Fill the residuals of all lines at a pose T_camera_world. */
 void residuals_at(const struct image *image, const double *rotation, const double *translation, struct residual *lines);

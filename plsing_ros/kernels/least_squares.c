@@ -47,60 +47,52 @@ int solved(const double *matrix, const double *right_side, Py_ssize_t m, int k, 
 
 PyObject *subtract(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {1, 1, 1};
-    Py_buffer buffers[3];
+    static const struct signature expected = {3, 1, 0, {1, 1, 1}};
+    struct arguments given;
     (void)self;
-    Py_ssize_t n = are_arguments(count, 3) ? take_arrays(args, columns, 3, 1, buffers) : -1;
-    if (n < 0)
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    double norm = subtracted(buffers[0].buf, buffers[1].buf, n, buffers[2].buf);
-    release_arrays(buffers, 3);
+    double norm = subtracted(given.array[0], given.array[1], given.rows, given.array[2]);
+    release_arguments(&given);
     return PyFloat_FromDouble(norm);
 }
 
 PyObject *solve(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[6];
+    struct arguments given;
     (void)self;
-    double factor, threshold;
-    if (!are_arguments(count, 8) || !take_number(args[6], &factor) || !take_number(args[7], &threshold))
+    int k = are_arguments(count, 8) ? count_columns(args[2]) : -1;
+    const struct signature expected = {6, 4, 2, {k, 1, -k, -k * k, -k, -k}};
+    if (k < 0 || !take_arguments(args, count, &expected, &given))
         return NULL;
-    int k = count_columns(args[2]);
-    const int columns[] = {k, 1, -k, -k * k, -k, -k};
-    Py_ssize_t m = k > 0 ? take_arrays(args, columns, 6, 4, buffers) : -1;
-    if (m < 0)
-        return NULL;
-    int good = solved(buffers[0].buf, buffers[1].buf, m, k, factor, threshold, buffers[2].buf, buffers[3].buf,
-                      buffers[4].buf, buffers[5].buf);
-    release_arrays(buffers, 6);
+    int good = solved(given.array[0], given.array[1], given.rows, k, given.number[0], given.number[1], given.array[2],
+                      given.array[3], given.array[4], given.array[5]);
+    release_arguments(&given);
     return truth(good);
 }
 
 PyObject *plain_law(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3, 3, 3, 3, -6, -6};
-    double on_stack[7 * ROWS_ON_STACK], right[36], components[6], norm = 0.0;
-    Py_buffer buffers[6];
+    static const struct signature expected = {6, 2, 3, {3, 3, 3, 3, -6, -6}};
+    struct arguments given;
     (void)self;
-    double least_depth, gain, threshold;
-    if (!are_arguments(count, 9) || !take_number(args[6], &least_depth) || !take_number(args[7], &gain) ||
-        !take_number(args[8], &threshold))
+    double on_stack[7 * ROWS_ON_STACK], right[36], components[6], norm = 0.0;
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 6, 2, buffers), m = 3 * n;
-    if (n < 0)
-        return NULL;
+    const double least_depth = given.number[0], gain = given.number[1], threshold = given.number[2];
+    Py_ssize_t n = given.rows, m = 3 * n;
     double *matrix = m > ROWS_ON_STACK ? PyMem_RawMalloc(7 * m * sizeof(double)) : on_stack;
     if (!matrix)
         PyErr_NoMemory();
-    int good = matrix && fill_interaction_matrix(buffers[0].buf, buffers[1].buf, n, least_depth, matrix);
+    int good = matrix && fill_interaction_matrix(given.array[0], given.array[1], n, least_depth, matrix);
     if (good) {
         double *error = matrix + 6 * m;
-        norm = subtracted(buffers[2].buf, buffers[3].buf, m, error);
-        good = solved(matrix, error, m, 6, -gain, threshold, buffers[4].buf, right, components, buffers[5].buf);
+        norm = subtracted(given.array[2], given.array[3], m, error);
+        good = solved(matrix, error, m, 6, -gain, threshold, given.array[4], right, components, given.array[5]);
     }
     if (matrix != on_stack)
         PyMem_RawFree(matrix);
-    release_arrays(buffers, 6);
+    release_arguments(&given);
     if (PyErr_Occurred())
         return NULL;
     return good ? PyFloat_FromDouble(norm) : Py_NewRef(Py_None);

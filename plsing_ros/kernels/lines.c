@@ -19,72 +19,65 @@ double depth_of_image(const double *moment, double least_depth)
 
 PyObject *are_lines(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3, 3};
-    Py_buffer buffers[2];
+    static const struct signature expected = {2, 0, 1, {3, 3}};
+    struct arguments given;
     (void)self;
-    double tolerance;
-    if (!are_arguments(count, 3) || !take_number(args[2], &tolerance))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 2, 0, buffers);
-    if (n < 0)
-        return NULL;
-    const double *u = buffers[0].buf, *l = buffers[1].buf;
+    const double tolerance = given.number[0];
+    Py_ssize_t n = given.rows;
+    const double *u = given.array[0], *l = given.array[1];
     int good = 1;
     /* Written so that a comparison with NaN fails. */
     for (; n > 0 && good; n--, u += 3, l += 3)
         good = fabs(dot3(u, u) - 1.0) <= tolerance && isfinite(l[0]) && isfinite(l[1]) &&
                isfinite(l[2]) && fabs(dot3(u, l)) <= tolerance * (1.0 + largest_element(l));
-    release_arrays(buffers, 2);
+    release_arguments(&given);
     return PyBool_FromLong(good);
 }
 
 PyObject *have_images(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3};
-    Py_buffer buffers[1];
+    static const struct signature expected = {1, 0, 1, {3}};
+    struct arguments given;
     (void)self;
-    double least_depth;
-    if (!are_arguments(count, 2) || !take_number(args[1], &least_depth))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 1, 0, buffers);
-    if (n < 0)
-        return NULL;
-    const double *l = buffers[0].buf;
+    const double least_depth = given.number[0];
+    Py_ssize_t n = given.rows;
+    const double *l = given.array[0];
     int good = 1;
     for (; n > 0 && good; n--, l += 3)
         good = depth_of_image(l, least_depth) >= 0.0;
-    release_arrays(buffers, 1);
+    release_arguments(&given);
     return PyBool_FromLong(good);
 }
 
 PyObject *are_image_lines(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3};
-    Py_buffer buffers[1];
+    static const struct signature expected = {1, 0, 1, {3}};
+    struct arguments given;
     (void)self;
-    double tolerance;
-    if (!are_arguments(count, 2) || !take_number(args[1], &tolerance))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 1, 0, buffers);
-    if (n < 0)
-        return NULL;
-    const double *s = buffers[0].buf;
+    const double tolerance = given.number[0];
+    Py_ssize_t n = given.rows;
+    const double *s = given.array[0];
     int good = 1;
     for (; n > 0 && good; n--, s += 3)
         good = fabs(hypot(s[0], s[1]) - 1.0) <= tolerance && isfinite(s[2]);
-    release_arrays(buffers, 1);
+    release_arguments(&given);
     return PyBool_FromLong(good);
 }
 
 PyObject *is_rotation(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {-9};
-    Py_buffer buffers[1];
+    static const struct signature expected = {1, 0, 1, {-9}};
+    struct arguments given;
     (void)self;
-    double tolerance;
-    if (!are_arguments(count, 2) || !take_number(args[1], &tolerance) || take_arrays(args, columns, 1, 0, buffers) < 0)
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    const double *r = buffers[0].buf;
+    const double *r = given.array[0], tolerance = given.number[0];
     int good = 1;
     for (int i = 0; i < 3; i++)
         for (int j = i; j < 3; j++) {
@@ -92,6 +85,6 @@ PyObject *is_rotation(PyObject *self, PyObject *const *args, Py_ssize_t count)
             good = good && fabs(product - (i == j)) <= tolerance;
         }
     good = good && determinant3(r) > 0.0;
-    release_arrays(buffers, 1);
+    release_arguments(&given);
     return PyBool_FromLong(good);
 }

@@ -6,16 +6,14 @@
 
 PyObject *distances(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3, 3, -3, 3, 1};
-    Py_buffer buffers[5];
+    static const struct signature expected = {5, 2, 0, {3, 3, -3, 3, 1}};
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 5))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t k = take_arrays(args, columns, 5, 2, buffers);
-    if (k < 0)
-        return NULL;
-    const double *p = buffers[0].buf, *u = buffers[1].buf, *center = buffers[2].buf;
-    double *closest = buffers[3].buf, *distance = buffers[4].buf;
+    Py_ssize_t k = given.rows;
+    const double *p = given.array[0], *u = given.array[1], *center = given.array[2];
+    double *closest = given.array[3], *distance = given.array[4];
     for (; k > 0; k--, p += 3, u += 3, closest += 3) {
         double offset[3], along;
         for (int i = 0; i < 3; i++)
@@ -28,25 +26,22 @@ PyObject *distances(PyObject *self, PyObject *const *args, Py_ssize_t count)
         *distance++ = sqrt(dot3(offset, offset));
     }
     int good = isfinite(center[0]) && isfinite(center[1]) && isfinite(center[2]);
-    release_arrays(buffers, 5);
+    release_arguments(&given);
     return PyBool_FromLong(good);
 }
 
 PyObject *approach(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3, 1, 3, 1, -3, -3, -4};
-    Py_buffer buffers[7];
-    double horizon, at_rest, along_share;
+    static const struct signature expected = {7, 1, 3, {3, 1, 3, 1, -3, -3, -4}};
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 10) || !take_number(args[7], &horizon) || !take_number(args[8], &at_rest) ||
-        !take_number(args[9], &along_share))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t k = take_arrays(args, columns, 7, 1, buffers);
-    if (k < 0)
-        return NULL;
-    const double *closest = buffers[0].buf, *distance = buffers[1].buf, *u = buffers[2].buf, *role = buffers[3].buf;
-    const double *center = buffers[4].buf, *velocity = buffers[5].buf;
-    double *found = buffers[6].buf, speed = sqrt(dot3(velocity, velocity)), nearest = INFINITY, least = INFINITY;
+    const double horizon = given.number[0], at_rest = given.number[1], along_share = given.number[2];
+    Py_ssize_t k = given.rows;
+    const double *closest = given.array[0], *distance = given.array[1], *u = given.array[2], *role = given.array[3];
+    const double *center = given.array[4], *velocity = given.array[5];
+    double *found = given.array[6], speed = sqrt(dot3(velocity, velocity)), nearest = INFINITY, least = INFINITY;
     Py_ssize_t row = -1;
     found[0] = found[1] = found[2] = found[3] = NAN;
     for (Py_ssize_t i = 0; i < k && speed >= at_rest; i++) {
@@ -71,6 +66,6 @@ PyObject *approach(PyObject *self, PyObject *const *args, Py_ssize_t count)
             row = i;
         }
     }
-    release_arrays(buffers, 7);
+    release_arguments(&given);
     return PyLong_FromSsize_t(row);
 }

@@ -84,18 +84,15 @@ static void step_back(Complex *vector, Complex system[UNKNOWNS][UNKNOWNS + 1], i
 
 PyObject *bilinear_newton(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {2 * 4 * EQUATIONS * 6, 2 * 4, 2 * 6};
-    Py_buffer buffers[3];
+    static const struct signature expected = {3, 2, 4, {2 * 4 * EQUATIONS * 6, 2 * 4, 2 * 6}};
+    struct arguments given;
     (void)self;
-    double steps, enough, small, longest;
-    if (!are_arguments(count, 7) || !take_number(args[3], &steps) || !take_number(args[4], &enough) ||
-        !take_number(args[5], &small) || !take_number(args[6], &longest))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t starts = take_arrays(args, columns, 3, 2, buffers);
-    if (starts < 0)
-        return NULL;
-    const Complex *tensor = buffers[0].buf;
-    Complex *h = buffers[1].buf, *k = buffers[2].buf, system[UNKNOWNS][UNKNOWNS + 1];
+    const double steps = given.number[0], enough = given.number[1], small = given.number[2], longest = given.number[3];
+    Py_ssize_t starts = given.rows;
+    const Complex *tensor = given.array[0];
+    Complex *h = given.array[1], *k = given.array[2], system[UNKNOWNS][UNKNOWNS + 1];
     int good = 1;
     for (Py_ssize_t i = 0; i < starts && good; i++, tensor += 4 * EQUATIONS * 6, h += 4, k += 6)
         for (int step = 0; step < steps && good; step++) {
@@ -111,6 +108,6 @@ PyObject *bilinear_newton(PyObject *self, PyObject *const *args, Py_ssize_t coun
             if (left <= enough * enough || size <= small * small)
                 break;
         }
-    release_arrays(buffers, 3);
+    release_arguments(&given);
     return PyBool_FromLong(good);
 }

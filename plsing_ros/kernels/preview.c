@@ -48,22 +48,20 @@ static void move_lines(const double *u, const double *l, Py_ssize_t n, const dou
 
 PyObject *law_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {6, 3, -6, 6, -6};
-    Py_buffer buffers[5];
-    double duration, gain, least_depth, fastest;
+    static const struct signature expected = {5, 2, 4, {6, 3, -6, 6, -6}};
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 9) || !take_number(args[5], &duration) || !take_number(args[6], &gain) ||
-        !take_number(args[7], &least_depth) || !take_number(args[8], &fastest))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 5, 2, buffers);
-    if (n < 0)
-        return NULL;
-    const double *lines = buffers[0].buf, *desired = buffers[1].buf, *twist = buffers[2].buf;
-    double *u = buffers[3].buf, *l = u + 3 * n, *next = buffers[4].buf;
+    const double duration = given.number[0], gain = given.number[1], least_depth = given.number[2];
+    const double fastest = given.number[3];
+    Py_ssize_t n = given.rows;
+    const double *lines = given.array[0], *desired = given.array[1], *twist = given.array[2];
+    double *u = given.array[3], *l = u + 3 * n, *next = given.array[4];
     double on_stack[21 * LINES_ON_STACK], step[6], R[9], t[3], values[6], right[36], components[6];
     double *matrix = n <= LINES_ON_STACK ? on_stack : PyMem_RawMalloc(21 * n * sizeof(double));
     if (!matrix) {
-        release_arrays(buffers, 5);
+        release_arguments(&given);
         return PyErr_NoMemory();
     }
     double *error = matrix + 18 * n;
@@ -87,43 +85,39 @@ PyObject *law_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
     }
     if (matrix != on_stack)
         PyMem_RawFree(matrix);
-    release_arrays(buffers, 5);
+    release_arguments(&given);
     return truth(good && square < fastest * fastest);
 }
 
 PyObject *lines_seen(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3, 3, -9, -3, 6};
-    Py_buffer buffers[5];
+    static const struct signature expected = {5, 1, 0, {3, 3, -9, -3, 6}};
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 5))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 5, 1, buffers);
-    if (n < 0)
-        return NULL;
-    double *seen = buffers[4].buf;
-    move_lines(buffers[0].buf, buffers[1].buf, n, buffers[2].buf, buffers[3].buf, seen, seen + 3 * n);
-    release_arrays(buffers, 5);
+    double *seen = given.array[4];
+    move_lines(given.array[0], given.array[1], given.rows, given.array[2], given.array[3], seen,
+               seen + 3 * given.rows);
+    release_arguments(&given);
     Py_RETURN_NONE;
 }
 
 PyObject *image_deviation(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3, 3};
-    Py_buffer buffers[2];
+    static const struct signature expected = {2, 0, 0, {3, 3}};
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 2))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = take_arrays(args, columns, 2, 0, buffers);
-    if (n < 0)
-        return NULL;
-    const double *l = buffers[0].buf, *image = buffers[1].buf;
+    Py_ssize_t n = given.rows;
+    const double *l = given.array[0], *image = given.array[1];
     double sum = 0.0;
     for (; n > 0; n--, l += 3, image += 3) {
         double depth = hypot(l[0], l[1]);
         for (int i = 0; i < 3; i++)
             sum += (l[i] / depth - image[i]) * (l[i] / depth - image[i]);
     }
-    release_arrays(buffers, 2);
+    release_arguments(&given);
     return PyFloat_FromDouble(sum);
 }

@@ -84,18 +84,17 @@ static double functionals_of(const double *u, const double *point, const double 
 
 PyObject *quartic_functionals(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {3 * LINES, 3 * LINES, -3 * QUARTICS, -QUARTICS * QUARTICS, CUBICS * QUARTICS, 1};
-    Py_buffer buffers[6];
+    static const struct signature expected = {
+        6, 2, 0, {3 * LINES, 3 * LINES, -3 * QUARTICS, -QUARTICS * QUARTICS, CUBICS * QUARTICS, 1}};
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 6))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t scenes = take_arrays(args, columns, 6, 2, buffers);
-    if (scenes < 0)
-        return NULL;
-    const double *u = buffers[0].buf, *point = buffers[1].buf;
-    double *rows = buffers[4].buf, *margin = buffers[5].buf;
+    Py_ssize_t scenes = given.rows;
+    const double *u = given.array[0], *point = given.array[1];
+    double *rows = given.array[4], *margin = given.array[5];
     for (; scenes > 0; scenes--, u += 3 * LINES, point += 3 * LINES, rows += CUBICS * QUARTICS)
-        *margin++ = functionals_of(u, point, buffers[2].buf, buffers[3].buf, rows);
-    release_arrays(buffers, 6);
+        *margin++ = functionals_of(u, point, given.array[2], given.array[3], rows);
+    release_arguments(&given);
     Py_RETURN_NONE;
 }

@@ -155,23 +155,20 @@ int refine(const struct image *image, const double *weight, long iterations, dou
 
 PyObject *refine_poses(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[5];
     struct image image;
     (void)self;
     if (!are_arguments(count, 9))
         return NULL;
     long iterations = PyLong_AsLong(args[8]);
-    if ((iterations == -1 && PyErr_Occurred()) || !take_image(args, &image))
+    const int n = iterations == -1 && PyErr_Occurred() ? -1 : count_lines(args[1]);
+    const struct signature expected = {8, 4, 0, {IMAGE(n), n, 9, 3, 1, 1}};
+    if (n < 0 || !take_image(args, 8, &expected, &image))
         return NULL;
-    const int columns[] = {(int)image.count, 9, 3, 1, 1};
-    Py_ssize_t k = take_arrays(args + 3, columns, 5, 4, buffers);
-    if (k >= 0) {
-        const double *weight = buffers[0].buf;
-        double *rotation = buffers[1].buf, *translation = buffers[2].buf, *gain = buffers[3].buf, *final = buffers[4].buf;
-        for (Py_ssize_t i = 0; i < k; i++)
-            final[i] = refine(&image, weight + i * image.count, iterations, rotation + 9 * i, translation + 3 * i, gain + i);
-        release_arrays(buffers, 5);
-    }
+    const double *weight = image.given.array[3];
+    double *rotation = image.given.array[4], *translation = image.given.array[5];
+    double *gain = image.given.array[6], *final = image.given.array[7];
+    for (Py_ssize_t k = image.given.rows; k > 0; k--, weight += n, rotation += 9, translation += 3)
+        *final++ = refine(&image, weight, iterations, rotation, translation, gain++);
     release_image(&image);
-    return k < 0 ? NULL : Py_NewRef(Py_None);
+    Py_RETURN_NONE;
 }

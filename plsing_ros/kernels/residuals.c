@@ -6,37 +6,30 @@
 
 #define SMALLEST_DEPTH 1e-12
 
-int take_image(PyObject *const *args, struct image *image)
+int take_image(PyObject *const *args, Py_ssize_t count, const struct signature *expected, struct image *image)
 {
-    const Py_ssize_t n = PyObject_Length(args[1]);
-    if (n < 1 || n > MOST_LINES) {
-        if (!PyErr_Occurred())
-            PyErr_Format(PyExc_ValueError, "there must be 1 to %d lines", MOST_LINES);
+    if (!take_arguments(args, count, expected, &image->given))
         return 0;
-    }
-    const int columns[] = {-6 * (int)n, -3 * (int)n, -4};
-    if (take_arrays(args, columns, 3, 0, image->buffers) < 0)
-        return 0;
-    const double *settings = image->buffers[2].buf;
-    image->lines = image->buffers[0].buf;
-    image->seen = image->buffers[1].buf;
-    image->count = n;
+    const double *settings = image->given.array[2];
+    image->lines = image->given.array[0];
+    image->seen = image->given.array[1];
+    image->count = image->given.buffers[1].len / (Py_ssize_t)(3 * sizeof(double));
     image->noise = settings[0] * settings[0];
     image->scene = settings[1] * settings[1];
     image->camera = settings[2] * settings[2];
     image->least_cosine = settings[3];
-    image->room = PyMem_RawMalloc(2 * n * sizeof *image->room);
+    image->room = PyMem_RawMalloc(2 * image->count * sizeof *image->room);
     if (image->room)
         return 1;
     PyErr_NoMemory();
-    release_arrays(image->buffers, 3);
+    release_arguments(&image->given);
     return 0;
 }
 
 void release_image(struct image *image)
 {
     PyMem_RawFree(image->room);
-    release_arrays(image->buffers, 3);
+    release_arguments(&image->given);
 }
 
 /* The factor of the inverse of the covariance of a line's angle and offset; kernels/residuals.py has the source. */
@@ -105,23 +98,17 @@ void jacobian_of(const struct residual *line, double rows[2][6])
 
 PyObject *image_residuals(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[3];
     struct image image;
     (void)self;
-    if (!are_arguments(count, 6) || !take_image(args, &image))
+    const int n = are_arguments(count, 6) ? count_lines(args[1]) : -1;
+    const struct signature expected = {6, 1, 0, {IMAGE(n), 9, 3, RESIDUAL_ROWS * n}};
+    if (n < 0 || !take_image(args, count, &expected, &image))
         return NULL;
-    const Py_ssize_t n = image.count;
-    const int columns[] = {9, 3, RESIDUAL_ROWS * (int)n};
-    Py_ssize_t k = take_arrays(args + 3, columns, 3, 1, buffers);
-    if (k < 0) {
-        release_image(&image);
-        return NULL;
-    }
-    const double *rotation = buffers[0].buf, *translation = buffers[1].buf;
-    double *table = buffers[2].buf;
-    for (; k > 0; k--, rotation += 9, translation += 3, table += RESIDUAL_ROWS * n) {
+    const double *rotation = image.given.array[3], *translation = image.given.array[4];
+    double *table = image.given.array[5];
+    for (Py_ssize_t k = image.given.rows; k > 0; k--, rotation += 9, translation += 3, table += RESIDUAL_ROWS * n) {
         residuals_at(&image, rotation, translation, image.room);
-        for (Py_ssize_t i = 0; i < n; i++) {
+        for (int i = 0; i < n; i++) {
             const struct residual *line = image.room + i;
             double value[2];
             whiten(line->whitening, line->raw, value);
@@ -133,29 +120,25 @@ PyObject *image_residuals(PyObject *self, PyObject *const *args, Py_ssize_t coun
                 table[j * n + i] = column[j];
         }
     }
-    release_arrays(buffers, 3);
     release_image(&image);
     Py_RETURN_NONE;
 }
 
 PyObject *image_jacobians(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[3];
+    static const struct signature expected = {3, 2, 0, {RESIDUAL_ROWS, 12, 12}};
+    struct arguments given;
     (void)self;
-    static const int columns[] = {RESIDUAL_ROWS, 12, 12};
-    if (!are_arguments(count, 3))
+    int k = are_arguments(count, 3) ? count_rows(args[0]) : -1;
+    if (k < 0 || !take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t k = PyObject_Length(args[0]);
-    Py_ssize_t all = k < 0 ? -1 : take_arrays(args, columns, 3, 2, buffers);
-    if (all < 0)
-        return NULL;
-    const Py_ssize_t n = k > 0 ? all / k : 0;
-    if (n * k != all) {
-        release_arrays(buffers, 3);
-        return PyErr_Format(PyExc_ValueError, "%zd lines for %zd poses", all, k);
+    const Py_ssize_t n = k > 0 ? given.rows / k : 0;
+    if (n * k != given.rows) {
+        release_arguments(&given);
+        return PyErr_Format(PyExc_ValueError, "%zd lines for %d poses", given.rows, k);
     }
-    const double *table = buffers[0].buf;
-    double *raw = buffers[1].buf, *whitened = buffers[2].buf;
+    const double *table = given.array[0];
+    double *raw = given.array[1], *whitened = given.array[2];
     for (; k > 0; k--, table += RESIDUAL_ROWS * n, raw += 12 * n, whitened += 12 * n)
         for (Py_ssize_t i = 0; i < n; i++) {
             struct residual line;
@@ -177,6 +160,6 @@ PyObject *image_jacobians(PyObject *self, PyObject *const *args, Py_ssize_t coun
                 }
             }
         }
-    release_arrays(buffers, 3);
+    release_arguments(&given);
     Py_RETURN_NONE;
 }

@@ -57,25 +57,20 @@ static double centred(const double *direction, const double *foot, Py_ssize_t n,
 
 PyObject *scene_coordinates(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[5];
+    struct arguments given;
     (void)self;
-    double share, smallest;
-    if (!are_arguments(count, 7) || !take_number(args[5], &share) || !take_number(args[6], &smallest))
+    int scenes = are_arguments(count, 7) ? count_rows(args[0]) : -1;
+    const struct signature expected = {5, 3, 2, {3, 3, -3 * scenes, -scenes, 3}};
+    if (scenes < 0 || !take_arguments(args, count, &expected, &given))
         return NULL;
-    int scenes = count_rows(args[0]);
-    if (scenes < 0)
-        return NULL;
-    const int columns[] = {3, 3, -3 * scenes, -scenes, 3};
-    Py_ssize_t lines = take_arrays(args, columns, 5, 3, buffers);
-    if (lines < 0)
-        return NULL;
-    Py_ssize_t n = scenes > 0 ? lines / scenes : 0;
-    if (n * scenes != lines) {
-        release_arrays(buffers, 5);
-        return PyErr_Format(PyExc_ValueError, "%zd lines for %d scenes", lines, scenes);
+    Py_ssize_t n = scenes > 0 ? given.rows / scenes : 0;
+    if (n * scenes != given.rows) {
+        release_arguments(&given);
+        return PyErr_Format(PyExc_ValueError, "%zd lines for %d scenes", given.rows, scenes);
     }
-    const double *direction = buffers[0].buf, *foot = buffers[1].buf;
-    double *center = buffers[2].buf, *length = buffers[3].buf, *relative = buffers[4].buf;
+    const double *direction = given.array[0], *foot = given.array[1], share = given.number[0];
+    const double smallest = given.number[1];
+    double *center = given.array[2], *length = given.array[3], *relative = given.array[4];
     int good = 1;
     for (Py_ssize_t i = 0; i < scenes && good; i++, center += 3) {
         length[i] = centred(direction, foot, n, center, relative);
@@ -89,6 +84,6 @@ PyObject *scene_coordinates(PyObject *self, PyObject *const *args, Py_ssize_t co
                 relative[j] /= length[i];
         direction += 3 * n, foot += 3 * n, relative += 3 * n;
     }
-    release_arrays(buffers, 5);
+    release_arguments(&given);
     return PyBool_FromLong(good);
 }

@@ -176,22 +176,16 @@ static int search(const struct image *image, const double *costs, const double *
 
 PyObject *search_poses(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {9, 3, -2, -FOUND_COLUMNS * MOST};
-    Py_buffer buffers[4];
     struct image image;
-    PyObject *result = NULL;
     (void)self;
-    if (!are_arguments(count, 7) || !take_image(args, &image))
+    const int n = are_arguments(count, 7) ? count_lines(args[1]) : -1;
+    const struct signature expected = {7, 1, 0, {IMAGE(n), 9, 3, -2, -FOUND_COLUMNS * MOST}};
+    if (n < 0 || !take_image(args, count, &expected, &image))
         return NULL;
-    Py_ssize_t k = take_arrays(args + 3, columns, 4, 1, buffers);
-    if (k >= 0) {
-        double *cost = PyMem_RawMalloc((k + 1) * sizeof *cost);
-        result = cost ? PyLong_FromLong(search(&image, buffers[2].buf, buffers[0].buf, buffers[1].buf, k, cost,
-                                               buffers[3].buf))
-                      : PyErr_NoMemory();
-        PyMem_RawFree(cost);
-        release_arrays(buffers, 4);
-    }
+    void *const *array = image.given.array;
+    double *cost = PyMem_RawMalloc((image.given.rows + 1) * sizeof *cost);
+    int found = cost ? search(&image, array[5], array[3], array[4], image.given.rows, cost, array[6]) : -1;
+    PyMem_RawFree(cost);
     release_image(&image);
-    return result;
+    return found < 0 ? PyErr_NoMemory() : PyLong_FromLong(found);
 }

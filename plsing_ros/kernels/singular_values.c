@@ -234,18 +234,17 @@ void along_left_vectors(struct decomposition *d, const double *vector, double *c
 
 PyObject *svd(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[4];
+    struct arguments given;
     (void)self;
     int k = are_arguments(count, 4) ? count_columns(args[2]) : -1;
-    const int columns[] = {k, k, -k, -k * k};
-    Py_ssize_t m = k > 0 ? take_arrays(args, columns, 4, 3, buffers) : -1;
-    if (m < 0)
+    const struct signature expected = {4, 3, 0, {k, k, -k, -k * k}};
+    if (k < 0 || !take_arguments(args, count, &expected, &given))
         return NULL;
     struct decomposition d;
-    int good = decompose(buffers[0].buf, m, k, &d, buffers[2].buf, buffers[3].buf);
+    int good = decompose(given.array[0], given.rows, k, &d, given.array[2], given.array[3]);
     if (good)
-        left_vectors(&d, buffers[1].buf);
+        left_vectors(&d, given.array[1]);
     release_decomposition(&d);
-    release_arrays(buffers, 4);
+    release_arguments(&given);
     return truth(good);
 }

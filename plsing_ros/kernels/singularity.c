@@ -209,29 +209,24 @@ static double rank_basis(const double *u, const double *point, Py_ssize_t n, con
 
 PyObject *singularity_ratios(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[5];
+    struct arguments given;
     (void)self;
-    double on_line;
-    if (!are_arguments(count, 6) || !take_number(args[5], &on_line))
+    int scenes = are_arguments(count, 6) ? count_rows(args[0]) : -1, centers = scenes < 0 ? -1 : count_rows(args[2]);
+    const struct signature expected = {5, 2, 1, {3, 3, -COLUMNS * centers, -centers, -centers}};
+    if (centers < 0 || !take_arguments(args, count, &expected, &given))
         return NULL;
-    int scenes = count_rows(args[0]), centers = scenes < 0 ? -1 : count_rows(args[2]);
-    if (centers < 0)
-        return NULL;
-    const int columns[] = {3, 3, -COLUMNS * centers, -centers, -centers};
-    Py_ssize_t lines = take_arrays(args, columns, 5, 2, buffers);
-    if (lines < 0)
-        return NULL;
+    const double *u = given.array[0], *point = given.array[1], *center = given.array[2];
+    double *ratios = given.array[3], *nearest = given.array[4];
     Complex on_stack[COLUMNS * 2 * LINES_ON_STACK], *room = on_stack;
-    Py_ssize_t n = scenes > 0 ? lines / scenes : 0;
-    if (n < 3 || n * scenes != lines || (scenes != 1 && scenes != centers))
+    Py_ssize_t n = scenes > 0 ? given.rows / scenes : 0;
+    if (n < 3 || n * scenes != given.rows || (scenes != 1 && scenes != centers))
         PyErr_Format(PyExc_ValueError, "%d sets of %zd lines for %d centres", scenes, n, centers);
     else if (n > LINES_ON_STACK && !(room = PyMem_RawMalloc(COLUMNS * 2 * n * sizeof(Complex))))
         PyErr_NoMemory();
     for (int i = 0; i < centers && !PyErr_Occurred(); i++) {
         Py_ssize_t first = scenes == 1 ? 0 : 3 * n * i;
-        double diagonal[COLUMNS], above[COLUMNS], *ratios = buffers[3].buf, *nearest = buffers[4].buf;
-        nearest[i] = rank_basis((double *)buffers[0].buf + first, (double *)buffers[1].buf + first, n,
-                                (double *)buffers[2].buf + COLUMNS * i, on_line, room);
+        double diagonal[COLUMNS], above[COLUMNS];
+        nearest[i] = rank_basis(u + first, point + first, n, center + COLUMNS * i, given.number[0], room);
         if (isnan(nearest[i])) {
             ratios[i] = 1.0, nearest[i] = INFINITY;
             continue;
@@ -243,7 +238,7 @@ PyObject *singularity_ratios(PyObject *self, PyObject *const *args, Py_ssize_t c
     }
     if (room != on_stack)
         PyMem_RawFree(room);
-    release_arrays(buffers, 5);
+    release_arguments(&given);
     if (PyErr_Occurred())
         return NULL;
     Py_RETURN_NONE;

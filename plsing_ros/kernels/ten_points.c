@@ -117,36 +117,30 @@ static void axis_of(const Complex *vector, const double *functionals, const doub
 
 PyObject *axis_centers(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[9];
+    struct arguments given;
     (void)self;
-    double at_infinity;
-    if (!are_arguments(count, 10) || !take_number(args[9], &at_infinity))
+    int points = are_arguments(count, 10) ? count_rows(args[5]) : -1, found = 0;
+    const struct signature expected = {
+        9, 3, 1, {CUBICS, CUBICS * QUARTICS, -3 * CUBICS * QUARTICS, 3 * LINES, 3 * LINES, -2 * CUBICS * points,
+                  -6 * points, -8 * points, -6 * points}};
+    if (points < 0 || !take_arguments(args, count, &expected, &given))
         return NULL;
-    int points = count_rows(args[5]);
-    if (points < 0)
-        return NULL;
-    const int columns[] = {CUBICS,     CUBICS * QUARTICS, -3 * CUBICS * QUARTICS, 3 * LINES,  3 * LINES,
-                           -2 * CUBICS * points, -6 * points,      -8 * points,           -6 * points};
-    Py_ssize_t scenes = take_arrays(args, columns, 9, 3, buffers);
-    if (scenes < 0)
-        return NULL;
-    const double *imaginary = buffers[0].buf;
-    const Complex *vector = buffers[5].buf;
-    Complex *w = buffers[6].buf, *h = buffers[7].buf, *center = buffers[8].buf;
-    int found = 0;
-    for (Py_ssize_t slot = 0; slot < CUBICS * scenes; slot++) {
+    const double *imaginary = given.array[0], *functionals = given.array[1], at_infinity = given.number[0];
+    const Complex *vector = given.array[5];
+    Complex *w = given.array[6], *h = given.array[7], *center = given.array[8];
+    for (Py_ssize_t slot = 0; slot < CUBICS * given.rows; slot++) {
         if (!(imaginary[slot] >= 0.0) || ++found > points)
             continue;
         Py_ssize_t scene = slot / CUBICS;
-        axis_of(vector, (double *)buffers[1].buf + CUBICS * QUARTICS * scene, buffers[2].buf, w);
-        const double *u = (double *)buffers[3].buf + 3 * LINES * scene;
-        const double *point = (double *)buffers[4].buf + 3 * LINES * scene;
+        axis_of(vector, functionals + CUBICS * QUARTICS * scene, given.array[2], w);
+        const double *u = (double *)given.array[3] + 3 * LINES * scene;
+        const double *point = (double *)given.array[4] + 3 * LINES * scene;
         int finite = center_of(u, point, w, h) && square(h[0]) > at_infinity * at_infinity;
         for (int j = 0; j < 3; j++)
             center[j] = finite ? ratio(h[1 + j], h[0]) : (Complex){NAN, NAN};
         vector += CUBICS, w += 3, h += 4, center += 3;
     }
-    release_arrays(buffers, 9);
+    release_arguments(&given);
     if (found != points)
         return PyErr_Format(PyExc_ValueError, "%d eigenvectors for %d eigenvalues", points, found);
     Py_RETURN_NONE;
@@ -194,20 +188,18 @@ static void ten_of(const double *imaginary, const Complex *h, const Complex *cen
 
 PyObject *with_conjugates(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[8];
+    struct arguments given;
     (void)self;
-    double is_real;
-    if (!are_arguments(count, 9) || !take_number(args[8], &is_real))
+    int points = are_arguments(count, 9) ? count_rows(args[1]) : -1, used = 0;
+    const struct signature expected = {
+        8, 4, 1, {CUBICS, -8 * points, -6 * points, -points, 6 * CUBICS, CUBICS, CUBICS, 1}};
+    if (points < 0 || !take_arguments(args, count, &expected, &given))
         return NULL;
-    int points = count_rows(args[1]), used = 0;
-    if (points < 0)
-        return NULL;
-    const int columns[] = {CUBICS, -8 * points, -6 * points, -points, 6 * CUBICS, CUBICS, CUBICS, 1};
-    Py_ssize_t scenes = take_arrays(args, columns, 8, 4, buffers);
-    if (scenes < 0)
-        return NULL;
-    for (Py_ssize_t i = 0; i < scenes && used >= 0; i++) {
-        const double *imaginary = (double *)buffers[0].buf + CUBICS * i;
+    const double *imaginary = given.array[0], *residual = given.array[3];
+    const Complex *h = given.array[1], *center = given.array[2];
+    Complex *ten = given.array[4];
+    double *residuals = given.array[5], *real = given.array[6], *overlap = given.array[7];
+    for (Py_ssize_t i = 0; i < given.rows && used >= 0; i++, imaginary += CUBICS) {
         int needed = 0;
         for (int slot = 0; slot < CUBICS; slot++)
             needed += imaginary[slot] >= 0.0;
@@ -215,13 +207,11 @@ PyObject *with_conjugates(PyObject *self, PyObject *const *args, Py_ssize_t coun
             used = -1;
             break;
         }
-        ten_of(imaginary, (Complex *)buffers[1].buf + 4 * used, (Complex *)buffers[2].buf + 3 * used,
-               (double *)buffers[3].buf + used, is_real, (Complex *)buffers[4].buf + 3 * CUBICS * i,
-               (double *)buffers[5].buf + CUBICS * i, (double *)buffers[6].buf + CUBICS * i,
-               (double *)buffers[7].buf + i);
+        ten_of(imaginary, h + 4 * used, center + 3 * used, residual + used, given.number[0], ten + 3 * CUBICS * i,
+               residuals + CUBICS * i, real + CUBICS * i, overlap + i);
         used += needed;
     }
-    release_arrays(buffers, 8);
+    release_arguments(&given);
     if (used != points)
         return PyErr_Format(PyExc_ValueError, "%d points do not belong to the eigenvalues", points);
     Py_RETURN_NONE;

@@ -105,49 +105,39 @@ static int rotations_of(const double *frame, const double *others, const double 
 
 PyObject *triplet_rotations(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const int columns[] = {9, 6, 9, -SAMPLES * (SAMPLES + 2), 9 * DEGREE, DEGREE, 1};
-    Py_buffer buffers[7];
+    static const struct signature expected = {7, 3, 0, {9, 6, 9, -SAMPLES * (SAMPLES + 2), 9 * DEGREE, DEGREE, 1}};
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 7))
+    if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t triplets = take_arrays(args, columns, 7, 3, buffers);
-    if (triplets < 0)
-        return NULL;
-    const double *frame = buffers[0].buf, *others = buffers[1].buf, *normals = buffers[2].buf;
-    double *rotation = buffers[4].buf, *triplet = buffers[5].buf, *degenerate = buffers[6].buf;
+    Py_ssize_t triplets = given.rows;
+    const double *frame = given.array[0], *others = given.array[1], *normals = given.array[2];
+    double *rotation = given.array[4], *triplet = given.array[5], *degenerate = given.array[6];
     long all = 0;
     for (Py_ssize_t i = 0; i < triplets; i++) {
-        int found = rotations_of(frame + 9 * i, others + 6 * i, normals + 9 * i, buffers[3].buf, rotation + 9 * all);
+        int found = rotations_of(frame + 9 * i, others + 6 * i, normals + 9 * i, given.array[3], rotation + 9 * all);
         degenerate[i] = found < 0;
         for (; found > 0; found--)
             triplet[all++] = (double)i;
     }
-    release_arrays(buffers, 7);
+    release_arguments(&given);
     return PyLong_FromLong(all);
 }
 
 PyObject *translations(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[4];
+    struct arguments given;
     (void)self;
-    if (!are_arguments(count, 4))
+    const int n = are_arguments(count, 4) ? count_lines(args[1]) : -1;
+    const struct signature expected = {4, 1, 0, {9, -3 * n, -3 * n, 3}};
+    if (n < 0 || !take_arguments(args, count, &expected, &given))
         return NULL;
-    const Py_ssize_t n = PyObject_Length(args[1]);
-    if (n < 1 || n > MOST_LINES) {
-        if (!PyErr_Occurred())
-            PyErr_Format(PyExc_ValueError, "there must be 1 to %d lines", MOST_LINES);
-        return NULL;
-    }
-    const int columns[] = {9, -3 * (int)n, -3 * (int)n, 3};
-    Py_ssize_t k = take_arrays(args, columns, 4, 1, buffers);
-    if (k < 0)
-        return NULL;
-    const double *rotation = buffers[0].buf, *normals = buffers[1].buf, *points = buffers[2].buf;
-    double *t = buffers[3].buf, normal[9] = {LEAST, 0.0, 0.0, 0.0, LEAST, 0.0, 0.0, 0.0, LEAST};
+    const double *rotation = given.array[0], *normals = given.array[1], *points = given.array[2];
+    double *t = given.array[3], normal[9] = {LEAST, 0.0, 0.0, 0.0, LEAST, 0.0, 0.0, 0.0, LEAST};
     for (Py_ssize_t i = 0; i < 3 * n; i += 3)
         for (int j = 0; j < 9; j++)
             normal[j] += normals[i + j / 3] * normals[i + j % 3];
-    for (; k > 0; k--, rotation += 9, t += 3) {
+    for (Py_ssize_t k = given.rows; k > 0; k--, rotation += 9, t += 3) {
         double matrix[9];
         memcpy(matrix, normal, sizeof matrix);
         t[0] = t[1] = t[2] = 0.0;
@@ -161,6 +151,6 @@ PyObject *translations(PyObject *self, PyObject *const *args, Py_ssize_t count)
         if (!eliminate(matrix, t, 3))
             t[0] = t[1] = t[2] = 0.0;
     }
-    release_arrays(buffers, 4);
+    release_arguments(&given);
     Py_RETURN_NONE;
 }

@@ -104,24 +104,19 @@ static int uncertainty(const struct image *image, const double *rotation, const 
 
 PyObject *pose_uncertainty(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    Py_buffer buffers[7];
     struct image image;
-    PyObject *result = NULL;
     (void)self;
-    if (!are_arguments(count, 10) || !take_image(args, &image))
+    const int n = are_arguments(count, 10) ? count_lines(args[1]) : -1;
+    const struct signature expected = {10, 4, 0, {IMAGE(n), -9, -3, -n, -6, -36, -36, -FIGURES}};
+    if (n < 0 || !take_image(args, count, &expected, &image))
         return NULL;
-    const int columns[] = {-9, -3, -(int)image.count, -6, -36, -36, -FIGURES};
-    if (take_arrays(args + 3, columns, 7, 4, buffers) >= 0) {
-        double *rows = PyMem_RawMalloc(24 * image.count * sizeof *rows);
-        if (!rows)
-            PyErr_NoMemory();
-        else
-            result = truth(image.count >= 3 &&
-                           uncertainty(&image, buffers[0].buf, buffers[1].buf, buffers[2].buf, rows, buffers[3].buf,
-                                       buffers[4].buf, buffers[5].buf, buffers[6].buf));
-        PyMem_RawFree(rows);
-        release_arrays(buffers, 7);
-    }
+    void *const *array = image.given.array;
+    double *rows = PyMem_RawMalloc(24 * image.count * sizeof *rows);
+    if (!rows)
+        PyErr_NoMemory();
+    int good = rows && n >= 3 && uncertainty(&image, array[3], array[4], array[5], rows, array[6], array[7], array[8],
+                                             array[9]);
+    PyMem_RawFree(rows);
     release_image(&image);
-    return result;
+    return truth(good);
 }
