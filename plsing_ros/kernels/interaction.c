@@ -7,18 +7,17 @@
 int fill_interaction_matrix(const double *u, const double *l, Py_ssize_t n, double least_depth, double *matrix)
 {
     for (; n > 0; n--, u += 3, l += 3, matrix += 18) {
-        double depth = depth_of_image(l, least_depth);
-        if (depth < 0.0)
+        double image[3], depth = image_line(l, image);
+        if (!has_image(l, depth, least_depth))
             return 0;
-        double x = l[0] / depth, y = l[1] / depth, z = l[2] / depth;
         double moment_rate[3][6] = {{0.0, -u[2], u[1], 0.0, -l[2], l[1]},
                                     {u[2], 0.0, -u[0], l[2], 0.0, -l[0]},
                                     {-u[1], u[0], 0.0, -l[1], l[0], 0.0}};
         for (int j = 0; j < 6; j++) {
-            double depth_rate = x * moment_rate[0][j] + y * moment_rate[1][j];
-            matrix[j] = (moment_rate[0][j] - x * depth_rate) / depth;
-            matrix[6 + j] = (moment_rate[1][j] - y * depth_rate) / depth;
-            matrix[12 + j] = (moment_rate[2][j] - z * depth_rate) / depth;
+            double depth_rate = image[0] * moment_rate[0][j] + image[1] * moment_rate[1][j];
+            matrix[j] = (moment_rate[0][j] - image[0] * depth_rate) / depth;
+            matrix[6 + j] = (moment_rate[1][j] - image[1] * depth_rate) / depth;
+            matrix[12 + j] = (moment_rate[2][j] - image[2] * depth_rate) / depth;
         }
     }
     return 1;

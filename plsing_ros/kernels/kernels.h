@@ -11,6 +11,7 @@
 
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
+#include <math.h>
 
 #define MOST_COLUMNS 6
 #define ROWS_ON_STACK 128
@@ -132,8 +133,17 @@ void orthogonal_complement(const double *x, Py_ssize_t m, int k, const double *b
 
 /* lines.c */
 
-/* Return |(l_x, l_y)| of a moment in the camera frame, or -1 if its line has no image. */
-double depth_of_image(const double *moment, double least_depth);
+/* Fill the image of a line of this moment in the camera frame, of use only if it has one, and return |(l_x, l_y)|. */
+static inline double image_line(const double *moment, double *image)
+{
+    double depth = hypot(moment[0], moment[1]);
+    for (int i = 0; i < 3; i++)
+        image[i] = moment[i] / depth;
+    return depth;
+}
+
+/* Return whether a line of this moment and this |(l_x, l_y)| has an image. */
+int has_image(const double *moment, double depth, double least_depth);
 
 /* interaction.c */
 

@@ -9,12 +9,10 @@ static double largest_element(const double *vector)
     return fmax(fmax(fabs(vector[0]), fabs(vector[1])), fabs(vector[2]));
 }
 
-double depth_of_image(const double *moment, double least_depth)
+int has_image(const double *moment, double depth, double least_depth)
 {
-    /* Infinite also for (infinity, NaN). */
-    double depth = hypot(moment[0], moment[1]);
-    int good = isfinite(depth) && isfinite(moment[2]) && depth >= least_depth * fmax(1.0, largest_element(moment));
-    return good ? depth : -1.0;
+    /* The depth is infinite also for (infinity, NaN). */
+    return isfinite(depth) && isfinite(moment[2]) && depth >= least_depth * fmax(1.0, largest_element(moment));
 }
 
 PyObject *are_lines(PyObject *self, PyObject *const *args, Py_ssize_t count)
@@ -48,7 +46,7 @@ PyObject *have_images(PyObject *self, PyObject *const *args, Py_ssize_t count)
     const double *l = given.array[0];
     int good = 1;
     for (; n > 0 && good; n--, l += 3)
-        good = depth_of_image(l, least_depth) >= 0.0;
+        good = has_image(l, hypot(l[0], l[1]), least_depth);
     release_arguments(&given);
     return PyBool_FromLong(good);
 }

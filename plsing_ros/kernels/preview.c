@@ -71,10 +71,10 @@ PyObject *law_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
     move_lines(lines, lines + 3 * n, n, R, t, u, l);
     int good = fill_interaction_matrix(u, l, n, least_depth, matrix);
     for (Py_ssize_t i = 0; good && i < n; i++) {
-        const double *moment = l + 3 * i;
-        double depth = hypot(moment[0], moment[1]);
+        double image[3];
+        image_line(l + 3 * i, image);
         for (int j = 0; j < 3; j++)
-            error[3 * i + j] = moment[j] / depth - desired[3 * i + j];
+            error[3 * i + j] = image[j] - desired[3 * i + j];
     }
     good = good && solved(matrix, error, 3 * n, 6, -1.0, 0.0, values, right, components, next) &&
            values[5] > SINGULAR * values[0];
@@ -111,12 +111,13 @@ PyObject *image_deviation(PyObject *self, PyObject *const *args, Py_ssize_t coun
     if (!take_arguments(args, count, &expected, &given))
         return NULL;
     Py_ssize_t n = given.rows;
-    const double *l = given.array[0], *image = given.array[1];
+    const double *l = given.array[0], *s = given.array[1];
     double sum = 0.0;
-    for (; n > 0; n--, l += 3, image += 3) {
-        double depth = hypot(l[0], l[1]);
+    for (; n > 0; n--, l += 3, s += 3) {
+        double image[3];
+        image_line(l, image);
         for (int i = 0; i < 3; i++)
-            sum += (l[i] / depth - image[i]) * (l[i] / depth - image[i]);
+            sum += (image[i] - s[i]) * (image[i] - s[i]);
     }
     release_arguments(&given);
     return PyFloat_FromDouble(sum);
