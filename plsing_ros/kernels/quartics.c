@@ -32,8 +32,8 @@ static void force_equations(const double *u, const double *point, double equatio
     }
 }
 
-/* Return the minor of the last two of four rows complementary to that of the first two, all signs right, summed: the
- * determinant of four columns, given the 2 x 2 minors of both pairs of rows. */
+/* Return the determinant of four columns, by Laplace's expansion, given the 2 x 2 minors of the first two rows and of
+ * the last two. */
 static double determinant(double p[EQUATIONS][EQUATIONS], double q[EQUATIONS][EQUATIONS], int a, int b, int c, int d)
 {
     return p[a][b] * q[c][d] - p[a][c] * q[b][d] + p[a][d] * q[b][c] + p[b][c] * q[a][d] - p[b][d] * q[a][c] +

@@ -59,7 +59,7 @@ void residuals_at(const struct image *image, const double *rotation, const doubl
         cross3(t, u, shift);
         add_multiple(m, 1.0, shift, 3);
         double depth = fmax(hypot(m[0], m[1]), SMALLEST_DEPTH), agreement = seen[0] * m[0] + seen[1] * m[1];
-        /* From here on, each line is directed as it is seen. */
+        /* Directed as it is seen: whether that is against its own direction is counted apart. */
         double scale = copysign(1.0 / depth, agreement);
         double vx = u[0] * scale, vy = u[1] * scale;
         for (int j = 0; j < 3; j++)

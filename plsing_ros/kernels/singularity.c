@@ -187,7 +187,7 @@ static double rank_basis(const double *u, const double *point, Py_ssize_t n, con
                 x[j * 2 * n + i] = x[j * 2 * n + n + i] = (Complex){0.0, 0.0};
             continue;
         }
-        /* f . f, without conjugation. */
+        /* Without conjugation, so that xi stays polynomial in the centre. */
         Complex dot = {0.0, 0.0};
         for (int j = 0; j < 3; j++) {
             dot.re += f[j].re * f[j].re - f[j].im * f[j].im;

@@ -85,7 +85,7 @@ static int rotations_of(const double *frame, const double *others, const double 
     for (int i = 0; i < DEGREE; i++) {
         if (!(imaginary[i] >= 0.0))
             continue;
-        /* Twice the angle of (1, t), from the sample opposite to the first one. */
+        /* Roots are tangents of half of the angle from opposite to `start`, so that the largest q is at infinity. */
         double x = 1.0 - real[i] * real[i] - imaginary[i] * imaginary[i], y = 2.0 * real[i], length = hypot(x, y);
         double c = length > 0.0 ? x / length : 1.0, s = length > 0.0 ? y / length : 0.0;
         double cosine = -(c * cosines[start] - s * sines[start]);
