@@ -48,7 +48,8 @@ def test_it_goes_from_start_to_goal(way):
 @few
 @given(way=ways(), share=shares)
 def test_the_twist_is_the_central_difference_of_the_pose(way, share):
-    assume(way.duration > 0.0)
+    # In a shorter time rounding of the positions is a speed.
+    assume(way.duration > 1e-3)
     time, step = share * way.duration, 1e-5 * way.duration
     before, middle, after = (way.pose(time + sign * step) for sign in (-1.0, 0.0, 1.0))
     difference = (between(middle, after) - between(middle, before)) / (2.0 * step)
