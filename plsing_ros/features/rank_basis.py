@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array, cross
+from plsing_ros.arrays import Array, cross
 from plsing_ros.geometry import LineSet
+from plsing_ros.geometry.pose import checked_position
 
 
 def rank_basis(lines: LineSet, camera_center: npt.ArrayLike, normalized: bool = False) -> Array:
@@ -23,11 +24,11 @@ def rank_basis(lines: LineSet, camera_center: npt.ArrayLike, normalized: bool = 
         the lines and about C, that move no image line.
 
     Raises:
-        GeometryError: If camera_center is not three finite numbers.
+        GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
 
     Source: eq. basiseta and eq. fandmdirections with Q = C.
     """
-    center = checked_array("camera_center", camera_center, (3,))
+    center = checked_position("camera_center", camera_center)
     direction = lines.direction
     # The moment about C is CM x u = -f.
     f = cross(center, direction) - lines.moment

@@ -15,6 +15,8 @@ from plsing_ros.geometry.rotations import exponential, quaternion_from_rotation,
 
 _TOLERANCE = 1e-6
 
+# Coordinates up to which products of a few lengths are still finite numbers.
+FARTHEST = 1e50  # [m]
 # Of a longer one, too few digits would be left for where the frame ends up.
 _LONGEST_STEP = 1e9  # [m] or [rad]
 
@@ -28,7 +30,8 @@ class Pose:
         translation: Origin of frame b in frame a, shape (3,) [m].
 
     Raises:
-        GeometryError: If a value is not finite, a shape is wrong, or rotation is not a rotation.
+        GeometryError: If a value is not finite, a shape is wrong, rotation is not a rotation, or translation is beyond
+            1e50 m.
     """
 
     rotation: Array
@@ -36,7 +39,7 @@ class Pose:
 
     def __post_init__(self) -> None:
         rotation = shaped_array("rotation", self.rotation, (3, 3))
-        translation = checked_array("translation", self.translation, (3,))
+        translation = checked_position("translation", self.translation)
         if not kernels.is_rotation(rotation, _TOLERANCE):
             checked_array("rotation", rotation, (3, 3))
             error = np.abs(rotation @ rotation.T - np.eye(3)).max()
@@ -55,10 +58,10 @@ class Pose:
             GeometryError: If a value is not finite or the quaternion's length differs from 1 by more than 1e-3.
         """
         quaternion = checked_array("quaternion", quaternion_xyzw, (4,))
-        length = math.sqrt(float(quaternion @ quaternion))
+        length = math.hypot(*quaternion.tolist())
         if abs(length - 1.0) > 1e-3:
             raise GeometryError(f"quaternion {quaternion.tolist()} (x, y, z, w) has length {length:.6g}, expected 1")
-        return cls(rotation_from_quaternion(quaternion), checked_array("translation", translation, (3,)))
+        return cls(rotation_from_quaternion(quaternion), checked_position("translation", translation))
 
     @classmethod
     def looking_at(cls, center: npt.ArrayLike, viewed: npt.ArrayLike, down: npt.ArrayLike = (0.0, 0.0, -1.0)) -> Pose:
@@ -70,14 +73,15 @@ class Pose:
             down: World direction that appears downwards in the image, shape (3,).
 
         Raises:
-            GeometryError: If the point is the camera centre, or down is along the optical axis.
+            GeometryError: If the point is the camera centre, down is along the optical axis, or one of them is not
+                three finite numbers, up to 1e50 m.
         """
-        origin = checked_array("center", center, (3,))
-        forward = checked_array("viewed", viewed, (3,)) - origin
+        origin = checked_position("center", center)
+        forward = checked_position("viewed", viewed) - origin
         if not np.linalg.norm(forward) > 0.0:
             raise GeometryError(f"the camera at {origin.tolist()} cannot look at its own centre")
         z = forward / np.linalg.norm(forward)
-        x = np.cross(checked_array("down", down, (3,)), z)
+        x = np.cross(checked_position("down", down), z)
         if np.linalg.norm(x) < 1e-9:
             raise GeometryError(f"down = {list(np.asarray(down))} is along the optical axis {z.tolist()}")
         x /= np.linalg.norm(x)
@@ -129,3 +133,22 @@ class Pose:
         rotation = rotation_from_quaternion(quaternion_from_rotation(self.rotation @ turn))
         translation = self.translation + self.rotation @ (mean_turn @ step[:3])
         return Pose(rotation, translation)
+
+
+def checked_position(name: str, value: npt.ArrayLike) -> Array:
+    """Return a position as a new, read-only array, shape (3,) [m], after checking it.
+
+    Args:
+        name: What it is, for the message.
+        value: Anything numpy turns into three floats [m].
+
+    Raises:
+        GeometryError: If value is not three finite numbers, or beyond FARTHEST.
+    """
+    position = shaped_array(name, value, (3,))
+    x, y, z = position.tolist()
+    # Plain comparisons, because every cycle needs this; false for what is not a number.
+    if not (-FARTHEST <= x <= FARTHEST and -FARTHEST <= y <= FARTHEST and -FARTHEST <= z <= FARTHEST):
+        checked_array(name, position, (3,))
+        raise GeometryError(f"{name} is {[x, y, z]} m; coordinates up to {FARTHEST:.0e} m can be computed with")
+    return position

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array, cross
+from plsing_ros.arrays import Array, cross
 from plsing_ros.geometry import LineSet
+from plsing_ros.geometry.pose import checked_position
 from plsing_ros.singularities.residual import normalized_rank_basis
 
 # Share of the largest singular value of the row-normalised xi up to which a motion counts as invisible.
@@ -69,11 +70,11 @@ def lost_motions(lines: LineSet, camera_center: npt.ArrayLike, tolerance: float 
         None at a regular centre, one at a general singular one, more at special ones.
 
     Raises:
-        GeometryError: If camera_center is not three finite numbers.
+        GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
 
     Source: remarks kern and singll, and section 2 of docs/theory.md.
     """
-    center = checked_array("camera_center", camera_center, (3,))
+    center = checked_position("camera_center", camera_center)
     point = lines.point
     distance = float(np.sqrt((cross(point - center, lines.direction) ** 2).sum(axis=1).mean()))
     unit = distance if distance > 0.0 else 1.0

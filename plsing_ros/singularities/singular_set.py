@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros import kernels
-from plsing_ros.arrays import Array, checked_array, shaped_array
+from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
+from plsing_ros.geometry.pose import FARTHEST, checked_position
 from plsing_ros.singularities.cases import Case, classify
 from plsing_ros.singularities.certificate import Certificate
 from plsing_ros.singularities.certification import proofs_about
@@ -36,8 +37,6 @@ from plsing_ros.singularities.transversals import (
     places_along,
 )
 
-# Moments [m] whose products are still finite numbers.
-_FARTHEST = 1e50
 _NO_PROOFS = "No proofs were asked for."
 
 
@@ -129,14 +128,13 @@ class SingularSet:
             camera_center: In the frame of the lines, shape (3,) [m].
 
         Raises:
-            GeometryError: If camera_center is not three finite numbers.
+            GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
         """
-        center = shaped_array("camera_center", camera_center, (3,))
+        center = checked_position("camera_center", camera_center)
         point, direction = self._lines_and_points
         m, k = len(point), len(point) + len(self.surfaces)
         closest, distance = np.empty((k, 3)), np.empty(k)
-        if not kernels.distances(point, direction, center, closest[:m], distance[:m]):
-            checked_array("camera_center", camera_center, (3,))
+        kernels.distances(point, direction, center, closest[:m], distance[:m])
         if self.surfaces:
             closest[m:] = [surface.first_order_closest_point(center) for surface in self.surfaces]
             distance[m:] = np.linalg.norm(closest[m:] - center, axis=1)
@@ -149,7 +147,7 @@ class SingularSet:
             camera_center: In the frame of the lines, shape (3,) [m].
 
         Raises:
-            GeometryError: If camera_center is not three finite numbers.
+            GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
         """
         arrays = self.distance_arrays(camera_center)
         distance = arrays.distance.tolist()
@@ -165,7 +163,7 @@ class SingularSet:
             camera_center: In the frame of the lines, shape (3,) [m].
 
         Raises:
-            GeometryError: If camera_center is not three finite numbers.
+            GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
         """
         rows = [i for i, kind in enumerate(self.locus_kinds) if kind is not Kind.OBSERVED_LINE]
         arrays = self.distance_arrays(camera_center)
@@ -206,10 +204,10 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
     Source: sections "Singularities in P4L" and "P5L"; the isolated points are new (docs/theory.md).
     """
     largest = np.abs(lines.moment).max()
-    if not largest < _FARTHEST:
+    if not largest < FARTHEST:
         row = int(np.abs(lines.moment).max(axis=1).argmax())
         raise GeometryError(
-            f"line {lines.ids[row]}: its moment is {largest:.3g} m; up to {_FARTHEST:.0e} m can be computed with"
+            f"line {lines.ids[row]}: its moment is {largest:.3g} m; up to {FARTHEST:.0e} m can be computed with"
         )
     frame = SceneFrame.of(lines)
     rows = distinct_rows(frame)

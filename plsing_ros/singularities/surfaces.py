@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array, checked_array, cross
+from plsing_ros.geometry.pose import checked_position
 from plsing_ros.singularities.kernel_pencil import minus_skew
 from plsing_ros.singularities.loci import Kind
 from plsing_ros.singularities.scene_frame import SceneFrame
@@ -109,9 +110,9 @@ class Surface:
             center: In the frame of the lines, shape (3,) [m].
 
         Raises:
-            GeometryError: If center is not three finite numbers.
+            GeometryError: If center is not three finite numbers, or beyond 1e50 m.
         """
-        given = self.frame.to_scene(checked_array("center", center, (3,)))
+        given = self.frame.to_scene(checked_position("center", center))
         starts = [given, *(given + radius * way for radius in _START_RADII for way in _START_DIRECTIONS)]
         found = [point for start in starts if (point := self._lagrange_point(given, start)) is not None]
         if not found:

@@ -83,6 +83,8 @@ def test_looking_at_puts_the_point_on_the_optical_axis(center, viewed):
         (lambda: Pose(np.eye(3), [0, float("nan"), 0]), r"translation\[1\] is nan"),
         (lambda: Pose.from_quaternion([0, 0, 0], [0, 0, 0, 0]), "length 0"),
         (lambda: Pose.from_quaternion([0, 0, 0], [0, 0, 0, 2]), "length 2"),
+        (lambda: Pose.from_quaternion([0, 0, 0], [1e300, 0, 0, 0]), r"length 1e\+300"),
+        (lambda: Pose(np.eye(3), [0, 1e60, 0]), r"translation is \[0.0, 1e\+60, 0.0\] m; coordinates up to 1e\+50 m"),
         (lambda: Pose.looking_at([1, 2, 3], [1, 2, 3]), "cannot look at its own centre"),
         (lambda: Pose.looking_at([0, 0, 0], [0, 0, 5]), "along the optical axis"),
         (lambda: Pose(np.eye(3), np.zeros(3)).moved([np.inf, 0, 0, 0, 0, 0], 1.0), r"twist\[0\] is inf"),

@@ -295,9 +295,11 @@ def test_invalid_input_is_refused_by_the_name_of_the_line():
     with pytest.raises(GeometryError, match="line 2: its moment is"):
         singular_set(line_set((np.array(points) * [[1], [1e60], [1], [1]], directions)))
     found = singular_set(line_set(PAPER_FOUR))
-    for wrong in ([0, 1], [0, 0, np.inf], "here"):
-        with pytest.raises(GeometryError, match="camera_center"):
-            found.distances(wrong)
+    for wrong in ([0, 1], [0, 0, np.inf], "here", [0, -1e200, 0]):
+        for ask in (found.distances, found.lost_motions):
+            with pytest.raises(GeometryError, match="camera_center"):
+                ask(wrong)
+    assert np.isfinite(found.distance_arrays([1e50, -1e50, 1e50]).distance).all()
 
 
 def test_a_straight_line_of_singular_centres_is_not_ten_points():
