@@ -1,6 +1,4 @@
-"""Survey random four-line scenes: how many real isolated singular points occur, and how often.
-
-    python -m plsing_ros.cli.survey --scenes 1000000 --output survey.jsonl
+"""Command survey: how many real isolated singular points random four-line scenes have, and how often.
 
 The output has a header and one line for each finished chunk; running the same command again continues it. Every chunk
 has its own random stream, so that the result does not depend on where a run was interrupted.
@@ -23,8 +21,14 @@ from plsing_ros.geometry import LineSet
 from plsing_ros.singularities import singular_set
 from plsing_ros.singularities.batch import solve_four_line_scenes
 
+_EPILOG = """examples:
+  survey                                              a hundred thousand scenes, in half a minute
+  survey --scenes 1000000 --output survey.jsonl       can be interrupted and continued"""
+
 _CHUNK = 2000
 _BAR = 50
+# What report needs of a chunk.
+_COUNTED = {"chunk", "elliptic", "hyperbolic", "largest_residual", "solved_again", "unresolved"}
 
 
 def random_scenes(seed: int, chunk: int, count: int) -> tuple[Array, Array]:
@@ -64,9 +68,11 @@ def survey_chunk(seed: int, chunk: int, count: int) -> dict[str, Any]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the survey; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="survey", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=100_000, help="how many (default 100000)")
-    parser.add_argument("--seed", type=int, default=1, help="of the random scenes (default 1)")
+    parser = argparse.ArgumentParser(
+        prog="survey", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--scenes", type=int, default=100_000, help="how many (%(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="of the random scenes (%(default)s)")
     parser.add_argument("--output", type=Path, help="file to write and to continue; nothing is kept without it")
     options = parser.parse_args(arguments)
     try:
@@ -111,20 +117,27 @@ def _read(output: Path | None, seed: int) -> dict[int, dict[str, Any]]:
     if not output.exists() or output.stat().st_size == 0:
         output.write_text(json.dumps(header) + "\n", encoding="utf-8")
         return {}
-    finished = {}
-    for number, line in enumerate(output.read_text(encoding="utf-8").splitlines(), start=1):
-        try:
-            record = json.loads(line)
-        except json.JSONDecodeError:
-            # The last line of an interrupted run may be cut off; its chunk is computed again.
-            continue
-        if number == 1 and record != header:
-            raise ParameterError(
-                f"{output} belongs to another survey ({record}); give another --output or the same seed"
-            )
-        if "chunk" in record:
-            finished[int(record["chunk"])] = record
-    return finished
+    try:
+        first, *lines = output.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise ParameterError(f"{output} is not a survey but a binary file; give another --output") from None
+    if _record(first) != header:
+        raise ParameterError(
+            f"{output} belongs to another survey or is none (it begins with {first[:100]!r}); give another --output "
+            "or the same seed"
+        )
+    # The last line of an interrupted run may be cut off; its chunk is computed again.
+    records = [record for record in map(_record, lines) if record.keys() >= _COUNTED]
+    return {int(record["chunk"]): record for record in records}
+
+
+def _record(line: str) -> dict[str, Any]:
+    """Return what a line says, or nothing if it is no record."""
+    try:
+        record = json.loads(line)
+    except json.JSONDecodeError:
+        return {}
+    return record if isinstance(record, dict) else {}
 
 
 def report(records: Sequence[dict[str, Any]]) -> str:

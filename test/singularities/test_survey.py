@@ -35,6 +35,11 @@ def test_refuses_the_file_of_another_survey(tmp_path, capsys):
     code, _, error = run(capsys, "--scenes", 10, "--seed", 4, "--output", output)
     assert code == 2
     assert "belongs to another survey" in error
+    for content in (b"# Notes\nof mine\n", b"\xff\xfe\x00\x80", b"\n", b"3\n"):
+        output.write_bytes(content)
+        code, _, error = run(capsys, "--scenes", 10, "--seed", 4, "--output", output)
+        assert (code, output.read_bytes()) == (2, content)
+        assert error.startswith(f"survey: {output}")
     code, _, error = run(capsys, "--scenes", 0)
     assert code == 2
     assert "--scenes 0" in error
