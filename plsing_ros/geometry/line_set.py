@@ -34,7 +34,7 @@ class LineSet:
 
     Raises:
         GeometryError: If a value is not finite, a shape is wrong, a direction is not of unit length, a moment is not
-            orthogonal to its direction, or an id is repeated. The message names the line by id.
+            orthogonal to its direction, or an id is repeated or no integer. The message names the line by id.
 
     Source: section "Recalls on the interaction model related to image lines".
     """
@@ -73,7 +73,8 @@ class LineSet:
             ids: One distinct integer for each line; 1 to n if not given.
 
         Raises:
-            GeometryError: If a value is not finite, a shape is wrong, a direction is zero or an id is repeated.
+            GeometryError: If a value is not finite, a shape is wrong, a direction is zero, or an id is repeated or no
+                integer.
         """
         point = checked_array("points", points, (None, 3))
         direction = checked_array("directions", directions, (len(point), 3))
@@ -153,4 +154,10 @@ def _checked_ids(ids: tuple[int, ...], n: int) -> tuple[int, ...]:
     if len(set(ids)) != n:
         repeated = next(i for i in ids if list(ids).count(i) > 1)
         raise GeometryError(f"id {repeated} is given to more than one line; ids must be distinct")
-    return tuple(int(i) for i in ids)
+    try:
+        whole = tuple(int(i) for i in ids)
+    except (TypeError, ValueError, OverflowError):
+        whole = ()
+    if whole != ids:
+        raise GeometryError(f"ids are {list(ids)}; they must be integers")
+    return whole

@@ -23,7 +23,7 @@ def read_scene(path: str | Path) -> LineSet:
         SceneFileError: If the file cannot be read, is no such YAML, or does not describe lines; it names the file.
     """
     try:
-        content = yaml.safe_load(Path(path).read_text())
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise SceneFileError(f"cannot read scene file {path}: {error}") from None
     except yaml.YAMLError as error:
@@ -36,12 +36,12 @@ def read_scene(path: str | Path) -> LineSet:
         if isinstance(lines, dict) and "points" in lines and "directions" in lines:
             try:
                 return LineSet.from_points_directions(
-                    _rows(lines["points"]),
-                    _rows(lines["directions"]),
+                    _rows("lines.points", lines["points"]),
+                    _rows("lines.directions", lines["directions"]),
                     str(parameters.get("scene_frame", "world")),
-                    lines.get("ids", ()),
+                    _listed("lines.ids", lines.get("ids", [])),
                 )
-            except (PlsingError, TypeError, ValueError) as error:
+            except PlsingError as error:
                 raise SceneFileError(f"scene file {path}: {error}") from None
     raise SceneFileError(
         f"scene file {path} has no lines; expected <node>: ros__parameters: lines: points: [x1, y1, z1, ...], "
@@ -49,5 +49,14 @@ def read_scene(path: str | Path) -> LineSet:
     )
 
 
-def _rows(values: Any) -> Any:
-    return np.reshape(values, (-1, 3))
+def _rows(name: str, values: Any) -> Any:
+    numbers = _listed(name, values)
+    if len(numbers) % 3 or not numbers:
+        raise SceneFileError(f"{name} has {len(numbers)} numbers; it must have 3 for each line")
+    return np.reshape(numbers, (-1, 3))
+
+
+def _listed(name: str, values: Any) -> list[Any]:
+    if not isinstance(values, list) or any(isinstance(each, list | dict) for each in values):
+        raise SceneFileError(f"{name} is {values!r}; it must be a list of numbers")
+    return values

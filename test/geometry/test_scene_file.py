@@ -29,11 +29,17 @@ def test_reads_the_papers_scene():
         ("", "has no lines"),
         ("a: [1, 2", "is not YAML"),
         ("/**: {ros__parameters: {gain: 1.0}}", "has no lines"),
-        (ONE_LINE.replace("[0, 0, 0]", "[0, 0]"), "cannot reshape"),
+        (ONE_LINE.replace("[0, 0, 0]", "[0, 0]"), "lines.points has 2 numbers; it must have 3 for each line"),
+        (ONE_LINE.replace("[0, 0, 0]", "[]"), "lines.points has 0 numbers"),
+        (
+            ONE_LINE.replace("[0, 0, 0]", "[[0, 0, 0]]"),
+            r"lines.points is \[\[0, .*; it must be a list of numbers",
+        ),
         (ONE_LINE.replace("[0, 0, 0]", "[0, 0, .nan]"), r"points\[0, 2\] is nan"),
         (ONE_LINE.replace("[0, 0, 2.0]", "[0, 0, 0.0]"), "line 9: its direction is zero"),
         (ONE_LINE.replace("[0, 0, 2.0]", "[0, 0, x]"), "scene.yaml"),
-        (ONE_LINE.replace("[9]", "9"), "scene.yaml"),
+        (ONE_LINE.replace("[9]", "9"), "lines.ids is 9; it must be a list of numbers"),
+        (ONE_LINE.replace("[9]", "[9.5]"), r"ids are \[9.5\]; they must be integers"),
     ],
 )
 def test_bad_files_are_refused_by_name(tmp_path, content, message):
