@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array
-from plsing_ros.errors import PlsingError
+from plsing_ros.cli.command import run_command
 from plsing_ros.experiments.scene_page import save_scene_page
 from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.singularities import SingularSet, singular_set
@@ -38,20 +37,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--certify", action="store_true", help="prove what can be proved; takes seconds")
     parser.add_argument("--page", type=Path, metavar="HTML", help="write an interactive 3-D page, without network use")
     options = parser.parse_args(argv)
-    try:
-        found = singular_set(read_scene(options.scene), certify=options.certify)
-        print("\n".join(_description(found)))
-        if options.certify:
-            print("\n".join(_proofs(found)))
-        if options.at is not None:
-            print("\n".join(_situation(found, np.array(options.at))))
-        if options.page is not None:
-            lines, surfaces = (size * found.frame.length for size in _DRAWN)
-            save_scene_page(options.page, options.scene, found, found.surfaces, (), lines, surfaces)
-            print(f"\npage: {options.page}")
-    except PlsingError as error:
-        print(f"analyze: {error}", file=sys.stderr)
-        return 1
+    return run_command("analyze", lambda: _run(options))
+
+
+def _run(options: argparse.Namespace) -> int:
+    found = singular_set(read_scene(options.scene), certify=options.certify)
+    print("\n".join(_description(found)))
+    if options.certify:
+        print("\n".join(_proofs(found)))
+    if options.at is not None:
+        print("\n".join(_situation(found, np.array(options.at))))
+    if options.page is not None:
+        lines, surfaces = (size * found.frame.length for size in _DRAWN)
+        save_scene_page(options.page, options.scene, found, found.surfaces, (), lines, surfaces)
+        print(f"\npage: {options.page}")
     return 0
 
 

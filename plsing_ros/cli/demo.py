@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from plsing_ros.errors import PlsingError
+from plsing_ros.cli.command import make_folder, run_command
 from plsing_ros.experiments import near_transversal as experiment
 from plsing_ros.experiments.config_files import config_file
 from plsing_ros.experiments.figures import save_figures
@@ -47,35 +47,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="show the nodes image lines only, as a tracker does, and estimate the camera pose from them",
     )
     options = parser.parse_args(argv)
-    try:
-        _run(options)
-    except PlsingError as error:
-        print(f"demo: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print("\ndemo: interrupted", file=sys.stderr)
-        return 130
-    return 0
+    return run_command("demo", lambda: _run(options))
 
 
-def _run(options: argparse.Namespace) -> None:
+def _run(options: argparse.Namespace) -> int:
     params_file = config_file("paper_p4l.yaml")
     found = singular_set(read_scene(params_file))
     print(f"The paper's four lines: {found.description}")
     print(f"Starts within 1.1 m of a target near {found.transversals[0].name}, lambda = {experiment.GAIN} 1/s\n")
-    _make_folder(options.output)
+    make_folder(options.output, "write the figures", "--output")
     records = [_run_start(experiment.STARTS[number - 1], params_file, options) for number in options.starts]
     print(f"\n{summary_table(records)}\n")
     for file in save_figures(records, found, options.output):
         print(f"figure: {file}")
-
-
-def _make_folder(folder: Path) -> None:
-    """Make the folder of the figures before the long part, so that nothing is lost."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise PlsingError(f"cannot write the figures to {folder}: {error}; choose another --output") from None
+    return 0
 
 
 def _run_start(start: experiment.Start, params_file: Path, options: argparse.Namespace) -> RunRecord:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from plsing_ros.cli.command import make_folder, run_command
 from plsing_ros.errors import PlsingError
 from plsing_ros.experiments.claims import claims_of
 from plsing_ros.experiments.paper_document import PaperResults, document, runs_agree
@@ -51,25 +52,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--jobs", type=int, default=os.cpu_count() or 1, help="processes for the runs in the core (%(default)s)"
     )
     options = parser.parse_args(argv)
-    try:
-        if options.jobs < 1:
-            raise PlsingError(f"--jobs is {options.jobs}; at least 1 process is needed")
-        agreed = _run(options)
-    except PlsingError as error:
-        print(f"paper: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print("\npaper: interrupted", file=sys.stderr)
-        return 130
-    return 0 if agreed else 1
+    return run_command("paper", lambda: 0 if _run(options) else 1)
 
 
 def _run(options: argparse.Namespace) -> bool:
+    if options.jobs < 1:
+        raise PlsingError(f"--jobs is {options.jobs}; at least 1 process is needed")
     # Before the long part, like the folders.
     require_plotly()
     figures = options.docs / "figures" / "paper"
     for folder in (figures, options.output):
-        _make_folder(folder)
+        make_folder(folder, "write", "--docs or --output")
     tasks = {group: each for group, each in paper_tasks().items() if options.only is None or group in options.only}
     complete = options.only is None
     variants = all_variants(tasks) if complete else {PLAIN: tasks}
@@ -117,14 +110,6 @@ def _in_nodes(task: ServoTask, on_run: Callable[[], object]) -> RunRecord:
     record = run_in_nodes(task)
     on_run()
     return record
-
-
-def _make_folder(folder: Path) -> None:
-    """Make a folder before the long part, so that nothing is lost."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise PlsingError(f"cannot write to {folder}: {error}; choose another --docs or --output") from None
 
 
 def _report(results: PaperResults, page: Path, scene_page: Path) -> bool:

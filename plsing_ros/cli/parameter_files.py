@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from plsing_ros.cli.command import run_command
 from plsing_ros.parameters import (
     ControllerParameters,
     MonitorParameters,
@@ -85,9 +86,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--root", type=Path, default=Path(), help="source tree (default: the current folder)")
     options = parser.parse_args(argv)
+    return run_command("parameter_files", lambda: _run(options.root))
+
+
+def _run(root: Path) -> int:
     for name, content in generated_files().items():
-        (options.root / name).write_text(content)
-        print(f"wrote {options.root / name}")
+        (root / name).write_text(content, encoding="utf-8")
+        print(f"wrote {root / name}")
     return 0
 
 
