@@ -1,7 +1,7 @@
 """Our own cost of one assessment with everything on, and memory over very many of them.
 
 python3 -m benchmark monitor_status
-python3 -m benchmark.monitor_status 1000000       # memory over a million cycles
+python3 -m benchmark.monitor_status --cycles 1000000
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import argparse
 import functools
 import itertools
 import resource
-import sys
 import tracemalloc
 from collections.abc import Iterator
 
@@ -112,5 +112,8 @@ def _memory(cycles: int) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cycles", type=int, default=CYCLES, help="of the memory check (default: %(default)s)")
+    options = parser.parse_args()
     _cost()
-    _memory(int(sys.argv[1]) if len(sys.argv) > 1 else CYCLES)
+    _memory(options.cycles)
