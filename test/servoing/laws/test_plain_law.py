@@ -19,14 +19,17 @@ def parameters(**values):
     return ControllerParameters(target_source="topic", **values)
 
 
-@given(
+any_task = given(
     lines=seen_lines(min_size=1),
     numbers=vectors(24, -1.0, 1.0),
     gain=st.sampled_from([0.1, 1000.0]),
-    pinv_threshold=st.sampled_from([1e-12, 1e-2]),
+    threshold=st.sampled_from([1e-12, 1e-2]),
 )
-def test_it_is_the_law_with_all_its_options_when_none_is_in_use(lines, numbers, gain, pinv_threshold):
-    chosen = parameters(gain=gain, pinv_threshold=pinv_threshold)
+
+
+@any_task
+def test_it_is_the_law_with_all_its_options_when_none_is_in_use(lines, numbers, gain, threshold):
+    chosen = parameters(gain=gain, pinv_threshold=threshold)
     assert chosen.is_plain
     image, desired = np.resize(numbers, (2, 3 * len(lines)))
     error, norm = difference(image, desired)
@@ -38,12 +41,7 @@ def test_it_is_the_law_with_all_its_options_when_none_is_in_use(lines, numbers, 
     assert error_norm == norm
 
 
-@given(
-    lines=seen_lines(min_size=1),
-    numbers=vectors(24, -1.0, 1.0),
-    gain=st.sampled_from([0.1, 1000.0]),
-    threshold=st.sampled_from([1e-12, 1e-2]),
-)
+@any_task
 def test_it_is_least_squares_by_another_library(lines, numbers, gain, threshold):
     image, desired = np.resize(numbers, (2, 3 * len(lines)))
     L = interaction_matrix(lines)

@@ -1,16 +1,13 @@
 import numpy as np
 import pytest
 from hypothesis import assume, given
+from near_transversal_scene import SCENE
 from strategies import vectors
 
-from plsing_ros.geometry import LineSet
 from plsing_ros.servoing.monitoring.approach import ApproachTable, Trend
 from plsing_ros.singularities import Kind, singular_set
 
-PAPER = LineSet.from_points_directions(
-    [[0, 0, 0], [0, 0, 2], [3, 5, 0], [0, 1, 7]], [[1, 0, 0], [4, -5, 0], [3, 7, 3], [-2, 1, 13]]
-)
-FOUND = singular_set(PAPER)
+FOUND = singular_set(SCENE)
 TABLE = ApproachTable(FOUND)
 
 
@@ -50,7 +47,7 @@ def test_along_a_transversal_is_steady():
 
 
 def test_a_surface_is_met_where_its_tangent_plane_is():
-    found = singular_set(PAPER.select([0, 1, 2]))
+    found = singular_set(SCENE.select([0, 1, 2]))
     center = np.array([0.3, 0.4, 1.2])
     arrays = found.distance_arrays(center)
     row = found.locus_names.index("quadric")

@@ -3,24 +3,17 @@
 import numpy as np
 import pytest
 from hypothesis import given
+from near_transversal_scene import LOOK, ON_TRANSVERSAL, SCENE, SECOND, START_2, TARGET
 from strategies import numbers
 
 from plsing_ros.features import interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.servoing.monitoring.law_preview import LawPreview, Sight
 
-SCENE = LineSet.from_points_directions(
-    [[0, 0, 0], [0, 0, 2], [3, 5, 0], [0, 1, 7]], [[1, 0, 0], [4, -5, 0], [3, 7, 3], [-2, 1, 13]]
-)
-ON_TRANSVERSAL = np.array([0.3962, -4.337, 7.50])
-LOOK = Pose.looking_at(ON_TRANSVERSAL, [0.0, 0.0, 0.0]).rotation
-# Start 2 of the paper, whose speed explodes after 6 s, and its goal.
-START, GOAL = Pose(LOOK, ON_TRANSVERSAL + [-0.3, 0.3, -0.3]), Pose(LOOK, ON_TRANSVERSAL + [0.3, -0.3, 0.3])
-DESIRED = project_lines(SCENE.transformed(GOAL.inverse(), "camera"))
-SECOND = 10**9
+DESIRED = project_lines(SCENE.transformed(TARGET.inverse(), "camera"))
 
 
-def loop(frames, period=0.04, gain=0.1, start=START):
+def loop(frames, period=0.04, gain=0.1, start=START_2):
     """Yield stamp, lines and the plain law's twist of each frame."""
     pose = start
     for i in range(frames):
@@ -115,7 +108,7 @@ def law(lines):
     return -0.1 * np.linalg.lstsq(interaction_matrix(lines), project_lines(lines) - DESIRED, rcond=None)[0]
 
 
-def noisy_previews(noise, bias=0.0, frames=60, start=START, acted_on=True):
+def noisy_previews(noise, bias=0.0, frames=60, start=START_2, acted_on=True):
     """Return what is expected at each frame by a preview that is told the lines and by how much the seen ones differ.
 
     The camera moves without noise, so that only the rehearsals can make a difference; whether the controller acts on

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from near_transversal_scene import LOOK, OFF, ON_TRANSVERSAL, SCENE, SECOND, START_2, TARGET
 from strategies import vectors
 
 from plsing_ros.errors import GeometryError, ObservationError, ParameterError
@@ -23,27 +24,8 @@ from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.servoing.simulated_camera import SimulatedCamera
 
-SCENE = LineSet.from_points_directions(
-    [[0, 0, 0], [0, 0, 2], [3, 5, 0], [0, 1, 7]], [[1, 0, 0], [4, -5, 0], [3, 7, 3], [-2, 1, 13]]
-)
-ON_TRANSVERSAL = np.array([0.3962, -4.337, 7.50])
-LOOK = Pose.looking_at(ON_TRANSVERSAL, [0.0, 0.0, 0.0]).rotation
-START, START_2 = Pose(LOOK, ON_TRANSVERSAL + [0.2, 0.3, 0.0]), Pose(LOOK, ON_TRANSVERSAL + [-0.3, 0.3, -0.3])
-TARGET = Pose(LOOK, ON_TRANSVERSAL + [0.3, -0.3, 0.3])
-SECOND, NOW, STEP = 10**9, 10**12, 40_000_000
-OFF = {
-    f"{level}.{name}": 0.0
-    for level in ("warn", "critical")
-    for name in (
-        "inverse_condition_number",
-        "relative_inverse_condition_number",
-        "smallest_singular_value",
-        "transversal_distance",
-        "isolated_point_distance",
-        "surface_distance",
-        "speed_growth",
-    )
-}
+START = Pose(LOOK, ON_TRANSVERSAL + [0.2, 0.3, 0.0])
+NOW, STEP = 10**12, 40_000_000
 
 
 def monitor_for(goal=None, scene=SCENE, **values):

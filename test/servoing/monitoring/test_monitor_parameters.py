@@ -4,35 +4,22 @@ import re
 
 import numpy as np
 import pytest
+from near_transversal_scene import FALLING, JUDGED, LOOK, OFF, ON_TRANSVERSAL, SCENE, SECOND, START_2, TARGET
 
 from plsing_ros.errors import ParameterError
 from plsing_ros.features import LineObservation, interaction_matrix, project_lines
-from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry import Pose
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.servoing.monitoring.approach import Trend
 from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
 
-SCENE = LineSet.from_points_directions(
-    [[0, 0, 0], [0, 0, 2], [3, 5, 0], [0, 1, 7]], [[1, 0, 0], [4, -5, 0], [3, 7, 3], [-2, 1, 13]]
-)
-ON_TRANSVERSAL = np.array([0.3962, -4.337, 7.50])
-LOOK = Pose.looking_at(ON_TRANSVERSAL, [0.0, 0.0, 0.0]).rotation
-START, TARGET = Pose(LOOK, ON_TRANSVERSAL + [-0.3, 0.3, -0.3]), Pose(LOOK, ON_TRANSVERSAL + [0.3, -0.3, 0.3])
 HERE = Pose(LOOK, ON_TRANSVERSAL + [0.1, 0.2, 0.1])
-STEP, SECOND = 40_000_000, 10**9
+STEP = 40_000_000
 
-FALLING = [
-    "inverse_condition_number",
-    "relative_inverse_condition_number",
-    "smallest_singular_value",
-    "transversal_distance",
-    "isolated_point_distance",
-    "surface_distance",
-]
 LIVE = [name for name, (_, spec) in MonitorParameters.specifications().items() if spec.live]
 # Nothing alerts, and what does is seen at once.
-QUIET = {f"{level}.{name}": 0.0 for level in ("warn", "critical") for name in [*FALLING, "speed_growth"]} | {
+QUIET = OFF | {
     "debounce.raise": 1,
     "debounce.lower": 1,
     "prediction.preview_rules": False,
@@ -67,7 +54,7 @@ class Rig:
     def twist(self, values, late=0):
         self.monitor.receive_twist(values, self.now - late)
 
-    def servo(self, frames, pose=START):
+    def servo(self, frames, pose=START_2):
         """Follow the plain law, and return the latest assessment."""
         desired = project_lines(self.scene.transformed(TARGET.inverse(), "camera"))
         for _ in range(frames):
@@ -161,7 +148,7 @@ def scene_renamed(rig):
 
 def target_moved(rig):
     before = rig.see().goal_inverse_condition_number
-    rig.set({"target.position": START.translation})
+    rig.set({"target.position": START_2.translation})
     assert rig.see().goal_inverse_condition_number != pytest.approx(before, rel=1e-3)
 
 
@@ -304,12 +291,7 @@ def test_a_change_shows_in_the_next_assessment(name):
 
 
 def test_no_live_parameter_is_left_out():
-    thresholds = {
-        f"{level}.{name}{end}"
-        for level in ("warn", "critical")
-        for name in [*FALLING, "speed_growth"]
-        for end in ("", "_exit")
-    }
+    thresholds = {f"{level}.{name}{end}" for level in ("warn", "critical") for name in JUDGED for end in ("", "_exit")}
     assert thresholds | set(EFFECTS) == set(LIVE)
 
 
