@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from plsing_ros.errors import ParameterError
 from plsing_ros.geometry import Pose
 from plsing_ros.parameters.law import LawParameters
 from plsing_ros.parameters.parameter_set import parameter
@@ -108,11 +107,8 @@ class ControllerParameters(LawParameters, AnswerParameters):
         if self.target_source == "topic" and not self.lines_points and not self.lines_directions:
             return
         super().check()
-        if self.target_source == "pose" and len(self.lines_points) < 9:
-            raise ParameterError(
-                f"parameter 'lines.points' gives {len(self.lines_points) // 3} line(s); at least 3 are needed to "
-                "control a camera pose"
-            )
+        if self.target_source == "pose":
+            self.require_three_lines("to control a camera pose")
         self.target_pose()
 
     @cached_property

@@ -167,8 +167,4 @@ class PoseEstimatorParameters(EstimationParameters, AnswerParameters):
     def check(self) -> None:
         """Refuse a scene that is not one, or has too few lines for a pose."""
         super().check()
-        if len(self.lines_points) < 9:
-            raise ParameterError(
-                f"parameter 'lines.points' gives {len(self.lines_points) // 3} line(s); at least 3 are needed for a "
-                "camera pose"
-            )
+        self.require_three_lines("for a camera pose")

@@ -59,6 +59,12 @@ class SceneParameters(ParameterSet):
         except PlsingError as error:
             raise ParameterError(f"parameters 'lines.*': {error}") from None
 
+    def require_three_lines(self, purpose: str) -> None:
+        """Refuse a scene of fewer than three lines, with what they are needed for in words."""
+        count = len(self.lines_points) // 3
+        if count < 3:
+            raise ParameterError(f"parameter 'lines.points' gives {count} line(s); at least 3 are needed {purpose}")
+
     def lines(self) -> LineSet:
         """Return the lines in the scene frame."""
         return LineSet.from_points_directions(
