@@ -126,7 +126,9 @@ class LineObservation:
                 seen = LineSet(directions, moments, frame, ids)
             else:
                 # The rows that are left out, too.
-                _refuse_if_not_finite(directions, moments)
+                _refuse_if_not_lines(directions, moments, len(ids))
+                if len(visible) != len(ids):
+                    raise ObservationError(f"visible has {len(visible)} values for {len(ids)} ids")
                 seen_ids = tuple(i for i, use in zip(ids, visible, strict=True) if use)
                 seen = LineSet(directions[visible], moments[visible], frame, seen_ids)
             if have_images(seen):
@@ -139,13 +141,13 @@ class LineObservation:
         except ObservationError:
             raise
         except PlsingError as error:
-            _refuse_if_not_finite(directions, moments)
+            _refuse_if_not_lines(directions, moments, len(ids))
             raise ObservationError(f"3-D lines of the observation: {error}") from None
 
 
-def _refuse_if_not_finite(directions: Array, moments: Array) -> None:
-    checked_array("directions", directions, (None, 3), ObservationError)
-    checked_array("moments", moments, (None, 3), ObservationError)
+def _refuse_if_not_lines(directions: Array, moments: Array, n: int) -> None:
+    checked_array("directions", directions, (n, 3), ObservationError)
+    checked_array("moments", moments, (n, 3), ObservationError)
 
 
 def _refuse(ids: tuple[int, ...], image_lines: Array, usable: BoolArray) -> None:
