@@ -13,8 +13,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 
 from plsing_ros.arrays import Array
-from plsing_ros.features import degenerate_projections, interaction_matrix
 from plsing_ros.geometry import LineSet
+from plsing_ros.servoing.ways import way_conditions
 from plsing_ros.singularities import SingularSet, Surface
 
 # Loci nearer to a plane than this share of its half size are drawn although they are not in it.
@@ -80,8 +80,7 @@ def inverse_condition_numbers(lines: LineSet, centers: Array, viewed: npt.ArrayL
     Returns:
         Raw, in [0, 1], shape (k,); 0 where a line has no image, or the optical axis would be vertical.
     """
-    n = len(lines)
-    # As Pose.looking_at, for all cameras at once; rows of the result are the camera's axes in the scene frame.
+    # As Pose.looking_at, for all cameras at once.
     forward = np.asarray(viewed, dtype=float) - centers
     distance = np.linalg.norm(forward, axis=1)
     z = forward / np.where(distance > 0.0, distance, 1.0)[:, np.newaxis]
@@ -89,21 +88,9 @@ def inverse_condition_numbers(lines: LineSet, centers: Array, viewed: npt.ArrayL
     sideways = np.linalg.norm(x, axis=1)
     usable = (distance > 0.0) & (sideways > 1e-9)
     x /= np.where(usable, sideways, 1.0)[:, np.newaxis]
-    to_camera = np.stack([x, np.cross(z, x), z], axis=1)[usable]
-    about_center = lines.moment - np.cross(centers[usable][:, np.newaxis], lines.direction)
-    # The lines of all cameras as one set: the rows of L of a line depend on that line alone.
-    together = LineSet(
-        (lines.direction @ to_camera.transpose(0, 2, 1)).reshape(-1, 3),
-        np.einsum("kij,knj->kni", to_camera, about_center).reshape(-1, 3),
-        "cameras",
-    )
-    seen = ~degenerate_projections(together).reshape(-1, n).any(axis=1)
-    usable[usable] = seen
-    kept = np.flatnonzero(np.repeat(seen, n))
-    matrices = interaction_matrix(together.select(kept)).reshape(-1, 3 * n, 6)
-    singular_values = np.linalg.svd(matrices, compute_uv=False)
+    rotation = np.stack([x, np.cross(z, x), z], axis=2)
     inverse = np.zeros(len(centers))
-    inverse[usable] = singular_values[:, -1] / singular_values[:, 0]
+    inverse[usable] = way_conditions.inverse_condition_numbers(lines, rotation[usable], centers[usable])
     return inverse
 
 
