@@ -41,11 +41,11 @@ class PoseEstimate:
     Attributes:
         verdict: How far it can be trusted.
         reason: Why it is not OK, as a sentence; empty if it is.
-        T_world_camera: The pose; None if FAILED, and then nothing below but the ids means anything.
+        T_world_camera: The pose; None if FAILED, and then all below is zero, empty or None.
         covariance: Of position and orientation as in geometry_msgs/PoseWithCovariance, shape (6, 6): x, y, z, and
             rotations about the world's fixed x, y, z axes [m^2, m rad, rad^2].
         covariance_trusted: Whether the covariance describes the error: false where the error is not linear in the
-            noise.
+            noise, and if there are alternatives.
         position_deviation: Standard deviation of the position in its worst direction [m].
         rotation_deviation: Standard deviation of the orientation about its worst axis [rad].
         nonlinearity: By which share the misfit two standard deviations away differs from what the covariance says; at
