@@ -28,9 +28,9 @@ from plsing_ros.nodes.task_loop import run_in_nodes
 from plsing_ros.singularities import singular_set
 
 _EPILOG = """examples:
-  paper                          everything: docs/paper.md, docs/figures/paper/, paper_output/scene.html
-  paper --only trajectories      one group of runs, without choices and laws, to look at
-  paper --docs /tmp/docs         write the page somewhere else"""
+  paper                                          everything: docs/paper.md, docs/figures/paper/, paper_output/scene.html
+  paper --docs /tmp/docs                         write the page somewhere else
+  paper --docs /tmp/docs --only trajectories     one group of runs, without choices and laws, to look at"""
 
 _GROUPS = tuple(paper_tasks())
 
