@@ -1,5 +1,7 @@
 """The inverses of L against independent formulas."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -100,7 +102,8 @@ def test_lost_motions_are_limited_and_the_rest_is_kept(amplitudes, health, share
     np.testing.assert_array_equal(limited[kept], amplitudes[kept])
     assert (np.abs(limited) <= np.abs(amplitudes)).all()
     assert (limited * amplitudes >= 0.0).all()
-    rest = np.sqrt((amplitudes[kept] ** 2).sum())
+    # Squares of the smallest numbers would vanish.
+    rest = math.hypot(*amplitudes[kept])
     for own, h in zip(limited[~kept], health[~kept], strict=True):
         assert abs(own) <= (share * rest + least) * h / (1.0 - h) * (1.0 + 1e-12)
 
