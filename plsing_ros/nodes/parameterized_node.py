@@ -41,7 +41,14 @@ class ParameterizedNode(Node, Generic[_P]):
         Raises:
             ParameterError: If a given parameter is unknown or not allowed.
         """
-        super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
+        try:
+            super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
+        except ValueError as error:
+            if "PARAMETER_NOT_SET" not in str(error):
+                raise
+            raise ParameterError(
+                "a parameter is given as an empty list, which has no type in ROS; give it a value, or leave it out"
+            ) from None
         try:
             given = {
                 each: _plain(parameter.value)

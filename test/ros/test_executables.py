@@ -150,10 +150,11 @@ def test_a_container_refuses_bad_input_of_any_of_its_nodes(start, arguments, mes
         (PAPER + ["-p", "gian:=1.0"], "unknown parameter 'gian'"),
         (PAPER + ["-p", "scene_frame:=1.0"], "parameter 'scene_frame' is 1.0; it must be a text"),
         ([], "no scene given; start the node with a parameter file"),
+        (["--ros-args", "-p", "lines.points:=[]"], "a parameter is given as an empty list, which has no type in ROS"),
         (["--ros-args", "--params-file", "/nowhere.yaml"], "/nowhere.yaml"),
         (["--ros-args", "-p", "nonsense"], "nonsense"),
     ],
-    ids=["unknown", "wrong type", "no scene", "no file", "bad argument"],
+    ids=["unknown", "wrong type", "no scene", "empty list", "no file", "bad argument"],
 )
 def test_bad_input_is_one_line_and_exit_code_2(start, name, arguments, message):
     process = start(name, *arguments)
