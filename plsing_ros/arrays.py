@@ -12,11 +12,13 @@ from plsing_ros.errors import GeometryError, PlsingError
 Array = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
+_FLOAT = np.dtype(np.float64)
+
 
 def checked_array(
     name: str, value: npt.ArrayLike, shape: tuple[int | None, ...], error: type[PlsingError] = GeometryError
 ) -> Array:
-    """Return value as a new, read-only float array after checking its shape and that it is finite.
+    """Return value as a read-only float array, a copy if need be, after checking its shape and that it is finite.
 
     Args:
         name: What the value is, for the message.
@@ -28,7 +30,8 @@ def checked_array(
         error: If value is not numeric, has another shape, or holds NaN or infinity (the message names the first).
     """
     array = shaped_array(name, value, shape, error)
-    if not np.isfinite(array).all():
+    # Of a handful of numbers several times as fast as all().
+    if np.count_nonzero(np.isfinite(array)) != array.size:
         first: Any = np.argwhere(~np.isfinite(array))[0]
         raise error(f"{name}{[int(i) for i in first]} is {array[tuple(first)]}; all values must be finite")
     return array
@@ -38,6 +41,11 @@ def shaped_array(
     name: str, value: npt.ArrayLike, shape: tuple[int | None, ...], error: type[PlsingError] = GeometryError
 ) -> Array:
     """Return value as checked_array does, row after row in memory, without the check that it is finite."""
+    if isinstance(value, np.ndarray) and value.shape == shape and value.dtype is _FLOAT:
+        flags = value.flags
+        if flags.owndata and flags.c_contiguous and not flags.writeable:
+            # Nobody writes to it, through no other array either.
+            return value
     try:
         array: Array = np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError) as problem:
