@@ -1,7 +1,7 @@
 """Line features of the image: projection, interaction matrix, rank basis, conditioning."""
 
 from plsing_ros.features.conditioning import Conditioning, conditioning, inverse_condition_number
-from plsing_ros.features.factorisation import Factorisation, factorised
+from plsing_ros.features.factorisation import Factorisation, factorised, smallest_over_largest
 from plsing_ros.features.interaction import interaction_matrix
 from plsing_ros.features.least_squares import Solution, difference, solved
 from plsing_ros.features.observation import LineObservation, LinesVerdict
@@ -23,5 +23,6 @@ __all__ = [
     "inverse_condition_number",
     "project_lines",
     "rank_basis",
+    "smallest_over_largest",
     "solved",
 ]

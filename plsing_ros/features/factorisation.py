@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,7 @@ class Factorisation(NamedTuple):
     @property
     def inverse_condition_number(self) -> float:
         """Smallest over largest singular value, in [0, 1]; never infinite."""
-        largest = float(self.singular_values[0])
-        return float(self.singular_values[-1]) / largest if largest > 0.0 else 0.0
+        return smallest_over_largest(self.singular_values.tolist())
 
     def solve(self, values: Array, threshold: float = 0.0) -> Array:
         """Return pinv(L) @ values, shape (k,), without forming the pseudo-inverse.
@@ -64,6 +64,12 @@ def factorised(matrix: Array) -> Factorisation:
     if not kernels.svd(rows, left, singular_values, right):
         raise not_finite()
     return Factorisation(left[: len(matrix)], singular_values, right)
+
+
+def smallest_over_largest(singular_values: Sequence[float]) -> float:
+    """Return the inverse condition number, in [0, 1] and never infinite, of singular values, largest first."""
+    largest = singular_values[0]
+    return singular_values[-1] / largest if largest > 0.0 else 0.0
 
 
 def rows_of(matrix: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import LineObservation, factorised, interaction_matrix
+from plsing_ros.features import LineObservation, factorised, interaction_matrix, smallest_over_largest
 
 MINIMUM_LINES = 3
 
@@ -30,10 +30,7 @@ class TargetView:
     @property
     def inverse_condition_number(self) -> float | None:
         """Smallest over largest singular value, in [0, 1], or None if not known."""
-        if self.singular_values is None:
-            return None
-        largest = float(self.singular_values[0])
-        return float(self.singular_values[-1]) / largest if largest > 0.0 else 0.0
+        return None if self.singular_values is None else smallest_over_largest(self.singular_values.tolist())
 
 
 class Target:

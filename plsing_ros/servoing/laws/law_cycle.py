@@ -8,7 +8,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import difference, interaction_matrix
+from plsing_ros.features import difference, interaction_matrix, smallest_over_largest
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.command import Command, Mode
@@ -149,7 +149,7 @@ class LawCycle:
             output,
             error_norm,
             asked.gain,
-            values[-1] / values[0] if values[0] > 0.0 else 0.0,
+            smallest_over_largest(values),
             asked.values if len(values) == 6 else np.array(values + [0.0] * (6 - len(values))),
             asked.damping,
             scale,
@@ -194,7 +194,7 @@ class LawCycle:
         return Mode.STALLED, (
             f"for {duration:.3g} s the twist changes the image by no more than {ratio:.2g} of what the gain asks for, "
             f"with an error norm of {error_norm:.3g}: a local minimum, or a target that no camera pose reaches; "
-            f"inverse condition number {values[-1] / values[0]:.3g}{near}"
+            f"inverse condition number {smallest_over_largest(values):.3g}{near}"
         )
 
 
