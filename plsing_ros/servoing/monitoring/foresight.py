@@ -12,7 +12,6 @@ from plsing_ros.features import Factorisation, LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_alignment import matched
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.servoing.monitoring.goal import Goal
 from plsing_ros.servoing.monitoring.goal_from_twists import GoalFromTwists
 from plsing_ros.servoing.monitoring.law_preview import Expected, LawPreview, Sight, is_alike
 
@@ -81,7 +80,7 @@ class Foresight:
         factors: Factorisation,
         pose: Pose | None,
         scene: LineSet,
-        goal: Goal | None,
+        desired: Array | None,
         stamp: int,
         parameters: MonitorParameters,
     ) -> Expected | None:
@@ -92,7 +91,7 @@ class Foresight:
             factors: Of L at the usable lines.
             pose: T_scene_camera, if it is known.
             scene: The lines in the scene frame.
-            goal: Of the task, if it is known; otherwise it is found from the twists.
+            desired: Image lines at the goal, shape (n, 3), if it is known; otherwise it is found from the twists.
             stamp: Of the observation [ns].
             parameters: In force.
         """
@@ -110,7 +109,8 @@ class Foresight:
         if twist is None or self._first_speed == 0.0 or self._twist is None:
             self._preview.rest(sight)
         else:
-            desired = self._desired(goal, twist, self._twist[0])
+            if desired is None:
+                desired = self._desired(twist, self._twist[0])
             if desired is None:
                 self._preview.rest(sight)
             else:
@@ -124,11 +124,8 @@ class Foresight:
             return None
         return expected._replace(speed=max(expected.speed, parameters.least_speed) / self._first_speed)
 
-    def _desired(self, goal: Goal | None, twist: Array, twist_stamp: int) -> Array | None:
-        """Return s* as rows, shape (n, 3): that of the goal, or else what the twists tell."""
-        known = None if goal is None else goal.image_lines(self._ids)
-        if known is not None:
-            return known
+    def _desired(self, twist: Array, twist_stamp: int) -> Array | None:
+        """Return s* as rows, shape (n, 3), as far as the twists tell it."""
         if self._search.desired is None and self._previous is not None and self._previous[0] == twist_stamp:
             self._search.add(*self._previous[1:], twist)
         return self._search.desired

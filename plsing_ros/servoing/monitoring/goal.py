@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.servoing.target import MINIMUM_LINES, Target
 
 _COLUMNS = (0, 1, 2, 3, 4, 5)
+
+
+class AtGoal(NamedTuple):
+    """What is known of some lines at the goal.
+
+    Attributes:
+        inverse_condition_number: Of those that are in the goal, or None if these are fewer than three.
+        image_lines: Of all in their order, shape (n, 3), or None if the goal lacks one of them.
+    """
+
+    inverse_condition_number: float | None
+    image_lines: Array | None
+
+
+NOT_KNOWN = AtGoal(None, None)
 
 
 class Goal(Target):
@@ -25,12 +42,17 @@ class Goal(Target):
                 "is not known"
             )
         super().__init__(observation, what)
+        self._latest_at: tuple[tuple[int, ...], AtGoal] | None = None
 
-    def inverse_condition_number(self, ids: tuple[int, ...]) -> float | None:
-        """Return the inverse condition number at the goal of those lines, or None if fewer than three are in it."""
+    def at(self, ids: tuple[int, ...]) -> AtGoal:
+        """Return what is known of lines at the goal; computed when the ids change."""
+        if self._latest_at is None or self._latest_at[0] != ids:
+            self._latest_at = (ids, self._look_up(ids))
+        return self._latest_at[1]
+
+    def _look_up(self, ids: tuple[int, ...]) -> AtGoal:
         known = tuple(i for i in ids if i in self)
-        return self.view(known, _COLUMNS).inverse_condition_number if len(known) >= MINIMUM_LINES else None
-
-    def image_lines(self, ids: tuple[int, ...]) -> Array | None:
-        """Return the image lines at the goal in the order of the ids, shape (n, 3), or None if it lacks one of them."""
-        return self.view(ids, _COLUMNS).image.reshape(-1, 3) if ids and all(i in self for i in ids) else None
+        if len(known) < MINIMUM_LINES:
+            return NOT_KNOWN
+        view = self.view(known, _COLUMNS)
+        return AtGoal(view.inverse_condition_number, view.image.reshape(-1, 3) if known == ids else None)

@@ -14,7 +14,7 @@ from plsing_ros.servoing.monitoring.approach import Approach, ApproachTable, Tre
 from plsing_ros.servoing.monitoring.assessment import Assessment
 from plsing_ros.servoing.monitoring.camera_position import CameraPosition
 from plsing_ros.servoing.monitoring.foresight import Foresight
-from plsing_ros.servoing.monitoring.goal import Goal
+from plsing_ros.servoing.monitoring.goal import NOT_KNOWN, Goal
 from plsing_ros.servoing.monitoring.indicators import Indicators, condition_text, verdict_indicator
 from plsing_ros.servoing.monitoring.judgement import Judgement, with_position, worst
 from plsing_ros.servoing.monitoring.levels import Debounce, Level
@@ -142,14 +142,14 @@ class SingularityMonitor:
             return self.unusable(str(error), stamp)
         factors = factorised(interaction_matrix(lines))
         numbers = conditioning(factors, parameters.characteristic_length)
-        goal_inverse = None if self._goal is None else self._goal.inverse_condition_number(lines.ids)
+        goal_inverse, desired = NOT_KNOWN if self._goal is None else self._goal.at(lines.ids)
         distances = None if pose is None else found.distance_arrays(pose.translation)
         measured = self._indicators.measured(numbers, goal_inverse, None if distances is None else distances.distance)
         slope = self._slope.add(numbers.inverse_condition_number, stamp)
         time_to_critical = self._indicators.time_to_critical(numbers.inverse_condition_number, slope, goal_inverse)
         twist = self._foresight.recent_twist(stamp, parameters.twist_timeout)
         trend, approach = self._motion(distances, pose, twist)
-        growth = self._foresight.growth(observation, factors, pose, found.lines, self._goal, stamp, parameters)
+        growth = self._foresight.growth(observation, factors, pose, found.lines, desired, stamp, parameters)
         near = any(each.thresholds.entered(each.value) for each in measured)
         calm, unjudged, foreseen = "", 0, (time_to_critical, approach)
         if parameters.preview_rules and self._foresight.rules:
@@ -196,7 +196,7 @@ class SingularityMonitor:
         except ObservationError as error:
             return Assessment(Level.UNOBSERVABLE, str(error), 0)
         numbers = conditioning(interaction_matrix(lines), self._parameters.characteristic_length)
-        goal_inverse = None if self._goal is None else self._goal.inverse_condition_number(lines.ids)
+        goal_inverse = None if self._goal is None else self._goal.at(lines.ids).inverse_condition_number
         distances = self._found.distance_arrays(T_world_camera.translation)
         nearest = self._approaches.nearest(distances)
         indicators = self._indicators.measured(numbers, goal_inverse, distances.distance)
