@@ -61,9 +61,9 @@ class ApproachTable:
     def __init__(self, found: SingularSet) -> None:
         self._names, self._kinds = found.locus_names, found.locus_kinds
         self._role = np.array([_role(kind) for kind in self._kinds])
-        self._is_empty = not (self._role != _LEFT_OUT).any()
-        # Added to distances, it leaves the observed lines out.
-        self._left_out = np.where(self._role == _LEFT_OUT, np.inf, 0.0)
+        # Observed lines are next to each other.
+        self._left_out = self._kinds.index(Kind.OBSERVED_LINE), len(found.lines)
+        self._is_empty = len(self._kinds) == len(found.lines)
         self._direction = np.zeros((len(self._kinds), 3))
         for i, transversal in enumerate(found.transversals):
             self._direction[i] = transversal.direction
@@ -72,8 +72,13 @@ class ApproachTable:
         """Return the nearest part, or None if there is none."""
         if self._is_empty:
             return None
-        row = int((arrays.distance + self._left_out).argmin())
-        return LocusDistance(self._kinds[row], self._names[row], float(arrays.distance[row]), arrays.closest_point[row])
+        distance, (first, count) = arrays.distance.tolist(), self._left_out
+        del distance[first : first + count]
+        least = min(distance)
+        row = distance.index(least)
+        if row >= first:
+            row += count
+        return LocusDistance(self._kinds[row], self._names[row], least, arrays.closest_point[row])
 
     def ahead(
         self, arrays: DistanceArrays, center: Array, velocity: Array, horizon: float

@@ -81,6 +81,7 @@ class Foresight:
         pose: Pose | None,
         scene: LineSet,
         desired: Array | None,
+        twist: Array | None,
         stamp: int,
         parameters: MonitorParameters,
     ) -> Expected | None:
@@ -92,6 +93,7 @@ class Foresight:
             pose: T_scene_camera, if it is known.
             scene: The lines in the scene frame.
             desired: Image lines at the goal, shape (n, 3), if it is known; otherwise it is found from the twists.
+            twist: The recent one, if there is any.
             stamp: Of the observation [ns].
             parameters: In force.
         """
@@ -104,7 +106,6 @@ class Foresight:
             self._ids = lines.ids
         image = observation.usable_image_lines
         sight = _sight(stamp, lines, image, pose, scene)
-        twist = self.recent_twist(stamp, parameters.twist_timeout)
         expected = None
         if twist is None or self._first_speed == 0.0 or self._twist is None:
             self._preview.rest(sight)
@@ -122,7 +123,9 @@ class Foresight:
         self.rules = self._patience >= 0
         if expected is None:
             return None
-        return expected._replace(speed=max(expected.speed, parameters.least_speed) / self._first_speed)
+        return Expected(
+            max(expected.speed, parameters.least_speed) / self._first_speed, expected.time, expected.with_noise
+        )
 
     def _desired(self, twist: Array, twist_stamp: int) -> Array | None:
         """Return s* as rows, shape (n, 3), as far as the twists tell it."""

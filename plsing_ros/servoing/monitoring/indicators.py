@@ -21,6 +21,7 @@ _DISTANCES = {
     "surface_distance": (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC),
 }
 _CONDITION, _RELATIVE = "inverse_condition_number", "relative_inverse_condition_number"
+_CRITICAL_CONDITION = "the critical inverse condition number"
 _SMALLEST, _GROWTH, _TIME = "smallest_singular_value", "speed_growth", "time"
 # Share of trust: POOR lines may be wrong near a singularity, of AMBIGUOUS ones every number may be of another pose.
 _TRUST = {LinesVerdict.POOR: 0.5, LinesVerdict.AMBIGUOUS: 0.0}
@@ -63,11 +64,15 @@ class Indicators:
 
     def __init__(self, found: SingularSet, parameters: MonitorParameters) -> None:
         self._locus_names = found.locus_names
-        self._condition_thresholds = parameters.condition_thresholds
-        self._soon = Thresholds(parameters.horizon, 0.0)
+        mode = parameters.condition_thresholds
+        self._absolute_rules, self._relative_may_rule = mode in ("absolute", "both"), mode != "absolute"
+        self._absolute_stands_in = mode == "auto"
         self._thresholds = {
             name: _thresholds(parameters, name) for name in (*_DISTANCES, _CONDITION, _RELATIVE, _SMALLEST, _GROWTH)
         }
+        self._soon = Thresholds(parameters.horizon, 0.0)
+        self._no_growth = Indicator(_GROWTH, math.inf, self._thresholds[_GROWTH], lambda: "speed, no longer predicted,")
+        self._no_time = self._time(math.inf, _CRITICAL_CONDITION)
         self._distances = []
         for name, kinds in _DISTANCES.items():
             rows = [i for i, kind in enumerate(found.locus_kinds) if kind in kinds]
@@ -98,13 +103,18 @@ class Indicators:
         text = lambda: f"smallest singular value {smallest:.4g}"  # noqa: E731
         found.append(Indicator(_SMALLEST, smallest, self._thresholds[_SMALLEST], text))
         if distance is not None:
-            found += [self._distance(*each, distance) for each in self._distances]
+            values = distance.tolist()
+            found += [self._distance(*each, values) for each in self._distances]
         return found
 
-    def _distance(self, name: str, start: int, stop: int, thresholds: Thresholds, distance: Array) -> Indicator:
-        row = start + int(distance[start:stop].argmin())
-        value = float(distance[row])
-        return Indicator(name, value, thresholds, lambda: f"distance {value:.3f} m from {self._locus_names[row]}", " m")
+    def _distance(self, name: str, start: int, stop: int, thresholds: Thresholds, distance: list[float]) -> Indicator:
+        these = distance[start:stop]
+        value = min(these)
+
+        def text() -> str:
+            return f"distance {value:.3f} m from {self._locus_names[start + these.index(value)]}"
+
+        return Indicator(name, value, thresholds, text, " m")
 
     def expected(
         self, growth: Expected | None, time_to_critical: float | None, approach: Approach | None
@@ -116,22 +126,23 @@ class Indicators:
             time_to_critical: Of the inverse condition number [s], or None.
             approach: The closest approach ahead if the motion goes on as it is, or None.
         """
-        soon, what = math.inf, "the critical inverse condition number"
         if growth is not None:
-            times, after, with_noise = growth
-            value, what_for = 1.0 / times, "possible with the features' noise" if with_noise else "expected"
-            text = lambda: f"speed {what_for} in {after:.2f} s, {times:.3g} times that at the start,"  # noqa: E731
-        else:
-            value, text = math.inf, lambda: "speed, no longer predicted,"
-            # Without the law, only where the motion leads if it goes on as it is.
-            if time_to_critical is not None:
-                soon = time_to_critical
-            if approach is not None and approach.time < soon and self._is_critical(approach):
-                soon, what = approach.time, f"the closest approach to {approach.name}"
-        return [
-            Indicator(_GROWTH, value, self._thresholds[_GROWTH], text),
-            Indicator(_TIME, soon, self._soon, lambda: f"time to {what}, {_seconds(soon)}", " s"),
-        ]
+            return [self._growth(*growth), self._no_time]
+        # Without the law, only where the motion leads if it goes on as it is.
+        soon = math.inf if time_to_critical is None else time_to_critical
+        if approach is not None and approach.time < soon and self._is_critical(approach):
+            return [self._no_growth, self._time(approach.time, f"the closest approach to {approach.name}")]
+        return [self._no_growth, self._no_time if time_to_critical is None else self._time(soon, _CRITICAL_CONDITION)]
+
+    def _growth(self, times: float, after: float, with_noise: bool) -> Indicator:
+        def text() -> str:
+            what_for = "possible with the features' noise" if with_noise else "expected"
+            return f"speed {what_for} in {after:.2f} s, {times:.3g} times that at the start,"
+
+        return Indicator(_GROWTH, 1.0 / times, self._thresholds[_GROWTH], text)
+
+    def _time(self, time: float, what: str) -> Indicator:
+        return Indicator(_TIME, time, self._soon, lambda: f"time to {what}, {_seconds(time)}", " s")
 
     def time_to_critical(
         self, inverse: float, slope: tuple[float, float] | None, goal_inverse: float | None
@@ -151,9 +162,8 @@ class Indicators:
 
     def _condition_rules(self, goal_inverse: float | None) -> tuple[bool, bool]:
         """Return whether the absolute and whether the relative thresholds rule."""
-        mode = self._condition_thresholds
-        relative = goal_inverse is not None and goal_inverse > 0.0 and mode != "absolute"
-        return mode in ("absolute", "both") or (mode == "auto" and not relative), relative
+        relative = goal_inverse is not None and goal_inverse > 0.0 and self._relative_may_rule
+        return self._absolute_rules or (self._absolute_stands_in and not relative), relative
 
     def _is_critical(self, approach: Approach) -> bool:
         name = next(name for name, kinds in _DISTANCES.items() if approach.kind in kinds)

@@ -27,12 +27,18 @@ class Judgement:
 
     def levels(self, indicators: Sequence[Indicator], unjudged: int = 0) -> list[Level]:
         """Return the level of each indicator, after one more cycle; the first few do not count at present."""
-        levels = []
-        for i, each in enumerate(indicators):
-            latch = self._latches.get(each.name)
+        # Local names, and no call where nothing happens: this is done for every number in every cycle.
+        latches, calm, levels = self._latches, Level.OK, []
+        for i, (name, value, thresholds, *_) in enumerate(indicators):
+            latch = latches.get(name)
             if latch is None:
-                latch = self._latches[each.name] = Latch()
-            levels.append(latch.update(each.value if i >= unjudged else math.inf, each.thresholds, self.debounce))
+                latch = latches[name] = Latch()
+            if i < unjudged:
+                value = math.inf
+            if latch.calm and value >= thresholds.alarm:
+                levels.append(calm)
+            else:
+                levels.append(latch.update(value, thresholds, self.debounce))
         return levels
 
 

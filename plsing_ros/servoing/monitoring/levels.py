@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from functools import cached_property
 
 # Where no exit threshold is given: this times the enter threshold.
 DEFAULT_EXIT = 1.2
@@ -18,10 +19,6 @@ class Level(enum.IntEnum):
     STALE = 3
     UNOBSERVABLE = 4
     DISABLED = 5
-
-
-# A look-up in an enumeration costs as much as the rest of a quiet cycle of a latch.
-_OK = Level.OK
 
 
 @dataclass(frozen=True)
@@ -39,6 +36,11 @@ class Thresholds:
     critical: float
     warn_exit: float = 0.0
     critical_exit: float = 0.0
+
+    @cached_property
+    def alarm(self) -> float:
+        """The first level is entered below this."""
+        return max(self.warn, self.critical)
 
     def times(self, factor: float) -> Thresholds:
         """Return all thresholds times a factor > 0."""
@@ -78,9 +80,13 @@ class Latch:
     """The level of one number, with hysteresis and debounce.
 
     The first number counts at once: there is nothing yet that it could chatter against.
+
+    Attributes:
+        calm: Whether a number above all thresholds changes nothing: the level is OK, and not about to be raised.
     """
 
     def __init__(self) -> None:
+        self.calm = False
         self._level: Level | None = None
         self._better: Level = Level.OK
         self._raising = 0
@@ -93,12 +99,10 @@ class Latch:
 
     def update(self, value: float, thresholds: Thresholds, debounce: Debounce) -> Level:
         """Return the level after one more number."""
-        if self._level is _OK and value >= thresholds.warn and value >= thresholds.critical:
-            self._raising = self._lowering = 0
-            return _OK
         entered = thresholds.entered(value)
         if self._level is None:
             self._level = entered
+            self.calm = entered == Level.OK
             return entered
         kept = max(entered, thresholds.kept(value, self._level))
         if entered > self._level:
@@ -113,6 +117,7 @@ class Latch:
                 self._level, self._lowering = self._better, 0
         else:
             self._raising = self._lowering = 0
+        self.calm = self._level == Level.OK and self._raising == 0
         return self._level
 
 

@@ -149,8 +149,8 @@ class SingularityMonitor:
         time_to_critical = self._indicators.time_to_critical(numbers.inverse_condition_number, slope, goal_inverse)
         twist = self._foresight.recent_twist(stamp, parameters.twist_timeout)
         trend, approach = self._motion(distances, pose, twist)
-        growth = self._foresight.growth(observation, factors, pose, found.lines, desired, stamp, parameters)
-        near = any(each.thresholds.entered(each.value) for each in measured)
+        growth = self._foresight.growth(observation, factors, pose, found.lines, desired, twist, stamp, parameters)
+        near = [each for each in measured if each.value < each.thresholds.alarm]
         calm, unjudged, foreseen = "", 0, (time_to_critical, approach)
         if parameters.preview_rules and self._foresight.rules:
             # Near a singularity is not yet in trouble: here it is known what the law will do, or will be in a moment.
