@@ -12,16 +12,16 @@ from plsing_ros.kernels.singular_values import svd
 
 
 def subtract(a: Array, b: Array, difference: Array) -> float:
-    """Fill a - b, shape (n,), and return its norm: infinite only if an element is, or if the norm itself is too large.
+    """Fill a - b and return its norm: infinite only if an element is, or if the norm itself is too large.
 
     Args:
-        a: Shape (n,).
-        b: Shape (n,).
-        difference: Filled, shape (n,).
+        a: Of any shape.
+        b: Of the same.
+        difference: Filled, of the same.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         np.subtract(a, b, out=difference)
-    return math.hypot(*difference.tolist())
+    return math.hypot(*difference.ravel().tolist())
 
 
 def solve(

@@ -89,18 +89,37 @@ PyObject *law_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
     return truth(good && square < fastest * fastest);
 }
 
+/* The sum of squares of the images of lines of moments `l` minus image lines `s`. */
+static double deviation_of(const double *l, const double *s, Py_ssize_t n)
+{
+    double sum = 0.0;
+    for (; n > 0; n--, l += 3, s += 3) {
+        double image[3];
+        image_line(l, image);
+        for (int i = 0; i < 3; i++)
+            sum += (image[i] - s[i]) * (image[i] - s[i]);
+    }
+    return sum;
+}
+
 PyObject *lines_seen(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const struct signature expected = {5, 1, 0, {3, 3, -9, -3, 6}};
+    static const struct signature expected = {9, 2, 0, {3, 3, -9, -3, 3, 3, 3, 6, 6}};
     struct arguments given;
     (void)self;
     if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    double *seen = given.array[4];
-    move_lines(given.array[0], given.array[1], given.rows, given.array[2], given.array[3], seen,
-               seen + 3 * given.rows);
+    Py_ssize_t n = given.rows;
+    const double *u = given.array[4], *l = given.array[5];
+    double *lines = given.array[7], *error = given.array[8];
+    move_lines(given.array[0], given.array[1], n, given.array[2], given.array[3], lines, lines + 3 * n);
+    for (Py_ssize_t i = 0; i < 3 * n; i++) {
+        error[i] = u[i] - lines[i];
+        error[3 * n + i] = l[i] - lines[3 * n + i];
+    }
+    double deviation = deviation_of(lines + 3 * n, given.array[6], n);
     release_arguments(&given);
-    Py_RETURN_NONE;
+    return PyFloat_FromDouble(deviation);
 }
 
 PyObject *image_deviation(PyObject *self, PyObject *const *args, Py_ssize_t count)
@@ -110,15 +129,7 @@ PyObject *image_deviation(PyObject *self, PyObject *const *args, Py_ssize_t coun
     (void)self;
     if (!take_arguments(args, count, &expected, &given))
         return NULL;
-    Py_ssize_t n = given.rows;
-    const double *l = given.array[0], *s = given.array[1];
-    double sum = 0.0;
-    for (; n > 0; n--, l += 3, s += 3) {
-        double image[3];
-        image_line(l, image);
-        for (int i = 0; i < 3; i++)
-            sum += (image[i] - s[i]) * (image[i] - s[i]);
-    }
+    double deviation = deviation_of(given.array[0], given.array[1], given.rows);
     release_arguments(&given);
-    return PyFloat_FromDouble(sum);
+    return PyFloat_FromDouble(deviation);
 }

@@ -83,19 +83,39 @@ def move_lines(lines: Array, step: Array, moved: Array) -> None:
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     squared = skew @ skew
     translation = (np.eye(3) + b * skew + c * squared) @ (vx, vy, vz)
-    lines_seen(lines[0], lines[1], np.eye(3) + a * skew + b * squared, translation, moved)
+    _in_camera(lines[0], lines[1], np.eye(3) + a * skew + b * squared, translation, moved)
 
 
-def lines_seen(direction: Array, moment: Array, rotation: Array, translation: Array, seen: Array) -> None:
-    """Fill lines in the frame of a camera.
+def lines_seen(
+    direction: Array,
+    moment: Array,
+    rotation: Array,
+    translation: Array,
+    seen_direction: Array,
+    seen_moment: Array,
+    image: Array,
+    expected: Array,
+    error: Array,
+) -> float:
+    """Fill lines in the frame of a camera, and by how much those that it sees differ; return their image_deviation.
 
     Args:
         direction: In the scene frame, shape (n, 3).
         moment: Likewise, shape (n, 3) [m].
         rotation: Of T_scene_camera, shape (3, 3).
         translation: Likewise, shape (3,) [m].
-        seen: Filled with direction and moment in the camera frame, shape (2, n, 3).
+        seen_direction: Of the same lines as the camera sees them, in its frame, shape (n, 3).
+        seen_moment: Likewise, shape (n, 3) [m].
+        image: Their image lines, shape (n, 3), for the deviation.
+        expected: Filled with direction and moment in the camera frame, shape (2, n, 3).
+        error: Filled with those that are seen minus these, shape (2, n, 3).
     """
+    _in_camera(direction, moment, rotation, translation, expected)
+    np.subtract((seen_direction, seen_moment), expected, out=error)
+    return image_deviation(expected[1], image)
+
+
+def _in_camera(direction: Array, moment: Array, rotation: Array, translation: Array, seen: Array) -> None:
     tx, ty, tz = translation.tolist()
     # Rows times this are u x t, so that the moments become l - t x u.
     shift = np.array([[0.0, -tz, ty], [tz, 0.0, -tx], [-ty, tx, 0.0]])

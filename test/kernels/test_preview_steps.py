@@ -4,7 +4,8 @@ import mpmath
 import numpy as np
 import pytest
 from hypothesis import assume, given
-from strategies import line_sets, numbers, poses, seen_lines, twists
+from hypothesis import strategies as st
+from strategies import line_sets, numbers, poses, seen_lines, twists, vectors
 
 from plsing_ros.features import degenerate_projections, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
@@ -134,12 +135,27 @@ def test_many_lines_agree(lines):
 
 
 @BOTH
-@given(lines=line_sets(), pose=poses())
-def test_lines_seen_are_the_transformed_ones(the, lines, pose):
-    seen = np.empty((2, len(lines), 3))
-    the.lines_seen(lines.direction, lines.moment, pose.rotation, pose.translation, seen)
+@given(lines=line_sets(), pose=poses(), others=st.data())
+def test_lines_seen_are_the_transformed_ones(the, lines, pose, others):
+    n = len(lines)
+    given_lines = others.draw(line_sets(min_size=n, max_size=n))
+    image = others.draw(vectors(3 * n)).reshape(n, 3)
+    seen, error = np.empty((2, n, 3)), np.empty((2, n, 3))
+    deviation = the.lines_seen(
+        lines.direction,
+        lines.moment,
+        pose.rotation,
+        pose.translation,
+        given_lines.direction,
+        given_lines.moment,
+        image,
+        seen,
+        error,
+    )
     expected = lines.transformed(pose.inverse(), "camera")
     np.testing.assert_allclose(seen, [expected.direction, expected.moment], atol=1e-13)
+    np.testing.assert_array_equal(error, np.array([given_lines.direction, given_lines.moment]) - seen)
+    np.testing.assert_array_equal(deviation, the.image_deviation(seen[1], image))
 
 
 @BOTH

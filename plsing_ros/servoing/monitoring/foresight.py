@@ -13,7 +13,7 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_alignment import matched
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.servoing.monitoring.goal_from_twists import GoalFromTwists
-from plsing_ros.servoing.monitoring.law_preview import Expected, LawPreview, Sight, is_alike
+from plsing_ros.servoing.monitoring.law_preview import LARGEST_DEVIATION, Expected, LawPreview, Sight
 
 _SECOND = 1_000_000_000
 # Cycles for which a preview is waited for before being near a singularity counts by itself: at the start of a task, and
@@ -59,7 +59,7 @@ class Foresight:
             least_speed: Below this the camera rests [m/s].
         """
         self._twist = (stamp, twist)
-        speed = math.sqrt(float(twist[:3] @ twist[:3]))
+        speed = math.hypot(*twist.tolist()[:3])
         if speed < least_speed:
             return
         # A motion begins when the camera leaves its rest; that speed is what growth refers to. A camera that only turns
@@ -136,10 +136,20 @@ class Foresight:
 
 def _sight(stamp: int, lines: LineSet, image: Array, pose: Pose | None, scene: LineSet) -> Sight:
     """Return what is known: the scene's lines in the camera frame if they have that image, else those seen."""
-    seen: Array = np.array([lines.direction, lines.moment])
     if pose is not None:
-        of_scene, expected = matched(scene, lines), np.empty(seen.shape)
-        kernels.lines_seen(of_scene.direction, of_scene.moment, pose.rotation, pose.translation, expected)
-        if is_alike(expected, image):
-            return Sight(stamp, image, expected, seen - expected)
-    return Sight(stamp, image, seen)
+        of_scene, shape = matched(scene, lines), (2, len(image), 3)
+        expected, error = np.empty(shape), np.empty(shape)
+        deviation = kernels.lines_seen(
+            of_scene.direction,
+            of_scene.moment,
+            pose.rotation,
+            pose.translation,
+            lines.direction,
+            lines.moment,
+            image,
+            expected,
+            error,
+        )
+        if deviation <= LARGEST_DEVIATION * len(image):
+            return Sight(stamp, image, expected, error)
+    return Sight(stamp, image, np.array([lines.direction, lines.moment]))

@@ -18,8 +18,8 @@ _SAME_DIRECTION = 0.8
 # noise near a singularity makes each by itself useless.
 _SLOPE = (0.5, 1.6)
 _FORGET = 0.85
-# Image lines that deviate from the preview by less than this are as foreseen [root mean square of l'].
-_AS_FORESEEN = 0.02
+# Image lines that deviate by up to this are as foreseen [mean square of l'].
+LARGEST_DEVIATION = 0.02**2
 # Steps in one cycle: more than one until the preview is as far ahead as it is to be, then one keeps it there.
 _STEPS = 2
 # A speed that comes out of a leap counts this many times.
@@ -180,11 +180,12 @@ class LawPreview:
             return False
         if not samples:
             return False
-        return is_alike(samples[0].lines, sight.image)
+        deviation = kernels.image_deviation(samples[0].lines[1], sight.image)
+        return deviation <= LARGEST_DEVIATION * len(sight.image)
 
     def _is_commanded(self, foreseen: Array, twist: Array) -> bool:
-        self._product = _FORGET * self._product + float(foreseen @ twist)
-        self._square = _FORGET * self._square + float(foreseen @ foreseen)
+        self._product = _FORGET * self._product + float(foreseen.dot(twist))
+        self._square = _FORGET * self._square + float(foreseen.dot(foreseen))
         return _SLOPE[0] * self._square <= self._product <= _SLOPE[1] * self._square
 
     def _begin(self, sight: Sight, desired: Array, twist: Array, law: Array | None, period: int) -> None:
@@ -200,7 +201,7 @@ class LawPreview:
         self._step = min(max(period, _SHORTEST_STEP), _LONGEST_STEP)
         self._samples.clear()
         self._fastest.clear()
-        self._append(_Sample(sight.stamp, *now, _speed(now[1])))
+        self._append(_Sample(sight.stamp, *now, _speed(now[1].tolist())))
 
     def _go_on(self, desired: Array) -> None:
         last = self._samples[-1]
@@ -211,11 +212,12 @@ class LawPreview:
             self._append(_Sample(stamp, last.lines, last.twist, _FASTEST))
             return
         lines, twist = ahead
-        speed, before = _speed(twist), last.twist.tolist()
-        if math.dist(twist.tolist(), before) > math.hypot(*before):
+        after, before = twist.tolist(), last.twist.tolist()
+        speed = _speed(after)
+        if math.dist(after, before) > math.hypot(*before):
             # Across a singularity in one step: where the camera lands on the other side is a matter of rounding.
             speed *= _AFTER_LEAP
-        by_noise = _WITH_NOISE * self._speed_by_noise(lines, twist, desired)
+        by_noise = _WITH_NOISE * self._speed_by_noise(lines, twist, desired) if self._acts_on_noise else 0.0
         self._append(_Sample(stamp, lines, twist, min(speed + by_noise, _FASTEST), by_noise > speed))
 
     def _note_noise(self, sight: Sight) -> None:
@@ -223,19 +225,20 @@ class LawPreview:
         previous = self._previous
         if previous is None or previous.error is None or sight.error is None or sight.stamp <= previous.stamp:
             return
-        noise = (sight.error - previous.error) * _SQRT_HALF
-        if np.vdot(noise, noise) > _LEAST_NOISE**2:
+        noise = np.empty(sight.error.shape)
+        if _SQRT_HALF * kernels.subtract(sight.error, previous.error, noise) > _LEAST_NOISE:
+            noise *= _SQRT_HALF
             self._noise.append(noise)
 
     def _speed_by_noise(self, lines: Array, twist: Array, desired: Array) -> float:
         """Return by how much the speed changes if the law sees the lines with the noise of the latest frames [m/s]."""
         change = 0.0
-        for _ in range(_REHEARSALS if self._acts_on_noise else 0):
+        for _ in range(_REHEARSALS):
             self._rehearsed += 1
             noise = self._noise[self._rehearsed % len(self._noise)]
             noisy = _law_step(lines + noise, _AT_REST, 0.0, desired, self._gain)
             # Where the noise makes it singular, it is as fast as it gets.
-            change = max(change, _FASTEST if noisy is None else _speed(noisy[1] - twist))
+            change = max(change, _FASTEST if noisy is None else _speed((noisy[1] - twist).tolist()))
         return change
 
     def _append(self, sample: _Sample) -> None:
@@ -267,19 +270,14 @@ def _law_at(lines: Array, desired: Array) -> Array | None:
     return None if step is None else step[1]
 
 
-def _speed(twist: Array) -> float:
-    return min(math.hypot(*twist[:3].tolist()), _FASTEST)
+def _speed(twist: list[float]) -> float:
+    return min(math.hypot(*twist[:3]), _FASTEST)
 
 
 def _squared_sine(a: Array, b: Array) -> float:
-    product = float(a @ b)
-    squares = float(a @ a) * float(b @ b)
+    product = float(a.dot(b))
+    squares = float(a.dot(a)) * float(b.dot(b))
     return 1.0 - product * product / squares if squares > 0.0 else 0.0
-
-
-def is_alike(lines: Array, image: Array) -> bool:
-    """Return whether lines in the camera frame (2, n, 3) have about these image lines (n, 3)."""
-    return kernels.image_deviation(lines[1], image) <= len(image) * _AS_FORESEEN**2
 
 
 def _projection(law_twist: Array, twist: Array) -> float | None:
