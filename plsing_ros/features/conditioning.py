@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +13,7 @@ from plsing_ros.errors import GeometryError
 from plsing_ros.features.factorisation import Factorisation, factorised
 
 
-@dataclass(frozen=True, eq=False)
-class Conditioning:
+class Conditioning(NamedTuple):
     """Conditioning of an interaction matrix at one camera pose.
 
     Attributes:
@@ -23,15 +22,23 @@ class Conditioning:
         scaled_inverse_condition_number: The same with the translation columns multiplied by characteristic_length,
             which makes it free of units, in [0, 1].
         characteristic_length: [m].
-        weakest_motion: Unit twist (v [m/s], omega [rad/s]) of the camera that changes the image least, in its optical
-            frame, shape (6,); at a singularity the lost motion. Its sign makes its largest entry positive.
+        last_right_vector: Right singular vector of the smallest singular value, shape (6,), of either sign.
     """
 
     singular_values: Array
     inverse_condition_number: float
     scaled_inverse_condition_number: float
     characteristic_length: float
-    weakest_motion: Array
+    last_right_vector: Array
+
+    @property
+    def weakest_motion(self) -> Array:
+        """Unit twist (v [m/s], omega [rad/s]) of the camera that changes the image least, shape (6,).
+
+        It is in the optical frame, and its sign makes its largest entry positive; at a singularity the lost motion.
+        """
+        vector = self.last_right_vector
+        return vector if max(vector.tolist(), key=abs) > 0.0 else -vector
 
     @property
     def smallest_singular_value(self) -> float:
@@ -60,14 +67,7 @@ def conditioning(matrix: npt.ArrayLike | Factorisation, characteristic_length: f
         # The left singular vectors do not change the singular values of the product.
         scale = np.array([characteristic_length] * 3 + [1.0] * 3)
         scaled_inverse = factorised(raw.singular_values[:, np.newaxis] * raw.right * scale).inverse_condition_number
-    weakest = raw.right[5]
-    return Conditioning(
-        raw.singular_values,
-        inverse,
-        scaled_inverse,
-        float(characteristic_length),
-        weakest if max(weakest.tolist(), key=abs) > 0.0 else -weakest,
-    )
+    return Conditioning(raw.singular_values, inverse, scaled_inverse, float(characteristic_length), raw.right[5])
 
 
 def inverse_condition_number(matrix: npt.ArrayLike) -> float:

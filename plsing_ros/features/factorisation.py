@@ -63,7 +63,7 @@ def factorised(matrix: Array) -> Factorisation:
     left, singular_values, right = np.empty((m, k)), np.empty(k), np.empty((k, k))
     if not kernels.svd(rows, left, singular_values, right):
         raise not_finite()
-    return Factorisation(left[: len(matrix)], singular_values, right)
+    return Factorisation(left if m == len(matrix) else left[: len(matrix)], singular_values, right)
 
 
 def smallest_over_largest(singular_values: Sequence[float]) -> float:

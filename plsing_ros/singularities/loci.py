@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from plsing_ros.arrays import Array
 
@@ -22,8 +22,7 @@ class Kind(enum.Enum):
         return self.value
 
 
-@dataclass(frozen=True, eq=False)
-class LocusDistance:
+class LocusDistance(NamedTuple):
     """The distance from a camera centre to one part of the singular set.
 
     Attributes:
@@ -39,8 +38,7 @@ class LocusDistance:
     closest_point: Array
 
 
-@dataclass(frozen=True, eq=False)
-class DistanceArrays:
+class DistanceArrays(NamedTuple):
     """All distances from one camera centre, in the order of SingularSet.locus_names.
 
     Attributes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,7 @@ class Trend(enum.IntEnum):
     PASSING = 4
 
 
-@dataclass(frozen=True)
-class Approach:
+class Approach(NamedTuple):
     """The closest approach ahead to a part of the singular set, if the motion goes on as it is.
 
     Attributes:
@@ -107,11 +106,12 @@ class ApproachTable:
             _ALONG,
         )
         nearest_time, nearest_rate, time, distance = found.tolist()
-        trend = Trend.STEADY
         if abs(nearest_time) <= _PASSING:
             trend = Trend.PASSING
         elif abs(nearest_rate) > _ALONG:
             trend = Trend.APPROACHING if nearest_time > 0.0 else Trend.LEAVING
+        else:
+            trend = Trend.STEADY
         return trend, None if row < 0 else Approach(self._kinds[row], self._names[row], distance, time)
 
 
