@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import NamedTuple
 
 from plsing_ros.arrays import Array
 from plsing_ros.features import Conditioning
@@ -12,13 +13,12 @@ from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.singularities import LocusDistance
 
 
-@dataclass(frozen=True, eq=False)
-class Assessment:
+class Assessment(NamedTuple):
     """How near to a singularity the camera is.
 
     Attributes:
         level: Level of concern.
-        reason: Why, in words.
+        explain: Returns why, in words.
         stamp: Of the features it speaks of [ns]; of the clock when there are none; 0 for a hypothetical pose.
         line_count: Lines that took part.
         conditioning: Of the interaction matrix, or None without usable features.
@@ -32,13 +32,13 @@ class Assessment:
         time_to_critical: When the inverse condition number falls below its critical threshold at its present rate [s],
             or None if it does not, or the rate is not clear of noise.
         position_source: "camera_pose", "features", or "" if the camera position is not known.
-        lost_motion_text: The weakest motion in words, near a singularity; else empty.
+        describe_lost_motion: Returns the weakest motion in words, near a singularity; else nothing.
         goal_inverse_condition_number: At the goal with the same lines, or None if no goal is known.
         pose: T_world_camera that the distances belong to, or None if the camera position is not known.
     """
 
     level: Level
-    reason: str
+    explain: Callable[[], str]
     stamp: int
     line_count: int = 0
     conditioning: Conditioning | None = None
@@ -49,6 +49,18 @@ class Assessment:
     approach: Approach | None = None
     time_to_critical: float | None = None
     position_source: str = ""
-    lost_motion_text: str = ""
+    describe_lost_motion: Callable[[], str] = str
     goal_inverse_condition_number: float | None = None
     pose: Pose | None = None
+
+    # Words are made when they are asked for: most of them nobody reads.
+
+    @property
+    def reason(self) -> str:
+        """Why, in words."""
+        return self.explain()
+
+    @property
+    def lost_motion_text(self) -> str:
+        """The weakest motion in words, near a singularity; else empty."""
+        return self.describe_lost_motion()

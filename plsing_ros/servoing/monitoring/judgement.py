@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from plsing_ros.servoing.monitoring.indicators import Indicator
-from plsing_ros.servoing.monitoring.levels import Debounce, Latch, Level
+from plsing_ros.servoing.monitoring.levels import OK, Debounce, Latch, Level
 from plsing_ros.singularities import LocusDistance, SingularSet
 
 
@@ -28,7 +28,7 @@ class Judgement:
     def levels(self, indicators: Sequence[Indicator], unjudged: int = 0) -> list[Level]:
         """Return the level of each indicator, after one more cycle; the first few do not count at present."""
         # Local names, and no call where nothing happens: this is done for every number in every cycle.
-        latches, calm, levels = self._latches, Level.OK, []
+        latches, levels = self._latches, []
         for i, (name, value, thresholds, *_) in enumerate(indicators):
             latch = latches.get(name)
             if latch is None:
@@ -36,22 +36,25 @@ class Judgement:
             if i < unjudged:
                 value = math.inf
             if latch.calm and value >= thresholds.alarm:
-                levels.append(calm)
+                levels.append(OK)
             else:
                 levels.append(latch.update(value, thresholds, self.debounce))
         return levels
 
 
-def worst(
-    indicators: Sequence[Indicator], levels: Sequence[Level], found: SingularSet, otherwise: str
-) -> tuple[Level, str]:
-    """Return the worst level and why; `otherwise` is what to say when all is well."""
-    level = max(levels, default=Level.OK)
-    if found.singular_everywhere:
-        return Level.UNOBSERVABLE, f"the scene is singular for every camera: {found.description}"
-    if level == Level.OK:
-        return level, otherwise
-    return level, "; ".join(each.reason(level) for each, own in zip(indicators, levels, strict=True) if own == level)
+def worst(levels: Sequence[Level], found: SingularSet) -> Level:
+    """Return the worst of the levels of all indicators."""
+    return Level.UNOBSERVABLE if found.singular_everywhere else max(levels)
+
+
+def reasons(indicators: Sequence[Indicator], levels: Sequence[Level], found: SingularSet, otherwise: str) -> str:
+    """Return why the worst level is in force; `otherwise` is what to say when all is well."""
+    level = worst(levels, found)
+    if level is Level.UNOBSERVABLE:
+        return f"the scene is singular for every camera: {found.description}"
+    if level is OK:
+        return otherwise
+    return "; ".join(each.reason(level) for each, own in zip(indicators, levels, strict=True) if own == level)
 
 
 def with_position(reason: str, nearest: LocusDistance | None, source: str, pose_tolerance: float) -> str:

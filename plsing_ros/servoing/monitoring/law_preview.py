@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from operator import mul
 from typing import NamedTuple
 
 import numpy as np
@@ -184,8 +185,9 @@ class LawPreview:
         return deviation <= LARGEST_DEVIATION * len(sight.image)
 
     def _is_commanded(self, foreseen: Array, twist: Array) -> bool:
-        self._product = _FORGET * self._product + float(foreseen.dot(twist))
-        self._square = _FORGET * self._square + float(foreseen.dot(foreseen))
+        numbers = foreseen.tolist()
+        self._product = _FORGET * self._product + sum(map(mul, numbers, twist.tolist()))
+        self._square = _FORGET * self._square + sum(map(mul, numbers, numbers))
         return _SLOPE[0] * self._square <= self._product <= _SLOPE[1] * self._square
 
     def _begin(self, sight: Sight, desired: Array, twist: Array, law: Array | None, period: int) -> None:

@@ -16,8 +16,8 @@ from plsing_ros.servoing.monitoring.camera_position import CameraPosition
 from plsing_ros.servoing.monitoring.foresight import Foresight
 from plsing_ros.servoing.monitoring.goal import NOT_KNOWN, Goal
 from plsing_ros.servoing.monitoring.indicators import Indicators, condition_text, verdict_indicator
-from plsing_ros.servoing.monitoring.judgement import Judgement, with_position, worst
-from plsing_ros.servoing.monitoring.levels import Debounce, Level
+from plsing_ros.servoing.monitoring.judgement import Judgement, reasons, with_position, worst
+from plsing_ros.servoing.monitoring.levels import OK, Debounce, Level
 from plsing_ros.servoing.monitoring.lost_motion_text import lost_motion_text
 from plsing_ros.servoing.monitoring.slope import Slope
 from plsing_ros.servoing.target import MINIMUM_LINES
@@ -160,16 +160,19 @@ class SingularityMonitor:
         indicators = [*measured, *self._indicators.expected(growth, *foreseen), verdict_indicator(observation)]
         nearest = None if distances is None else self._approaches.nearest(distances)
         levels = self._judgement.levels(indicators, unjudged)
-        level, reason = worst(indicators, levels, found, condition_text(numbers.inverse_condition_number))
-        reason = with_position(reason, nearest, source, parameters.pose_tolerance)
-        if level == Level.OK and near:
-            reason = f"{reason}; near a singularity, {calm}" if calm else reason
-        lost = ""
-        if near or level != Level.OK:
-            lost = lost_motion_text(numbers.weakest_motion, pose, found, nearest)
+        level = worst(levels, found)
+
+        def explain() -> str:
+            reason = reasons(indicators, levels, found, condition_text(numbers.inverse_condition_number))
+            reason = with_position(reason, nearest, source, parameters.pose_tolerance)
+            return f"{reason}; near a singularity, {calm}" if calm and near and level is OK else reason
+
+        def describe_lost_motion() -> str:
+            return lost_motion_text(numbers.weakest_motion, pose, found, nearest) if near or level is not OK else ""
+
         return Assessment(
             level,
-            reason,
+            explain,
             stamp,
             line_count=len(lines),
             conditioning=numbers,
@@ -180,7 +183,7 @@ class SingularityMonitor:
             approach=approach,
             time_to_critical=time_to_critical,
             position_source=source,
-            lost_motion_text=lost,
+            describe_lost_motion=describe_lost_motion,
             goal_inverse_condition_number=goal_inverse,
             pose=pose,
         )
@@ -194,28 +197,28 @@ class SingularityMonitor:
         try:
             lines = self._usable_lines(seen)
         except ObservationError as error:
-            return Assessment(Level.UNOBSERVABLE, str(error), 0)
+            why = str(error)
+            return Assessment(Level.UNOBSERVABLE, lambda: why, 0)
         numbers = conditioning(interaction_matrix(lines), self._parameters.characteristic_length)
         goal_inverse = None if self._goal is None else self._goal.at(lines.ids).inverse_condition_number
         distances = self._found.distance_arrays(T_world_camera.translation)
         nearest = self._approaches.nearest(distances)
         indicators = self._indicators.measured(numbers, goal_inverse, distances.distance)
         levels = [each.thresholds.entered(each.value) for each in indicators]
-        level, reason = worst(indicators, levels, self._found, condition_text(numbers.inverse_condition_number))
+        level = worst(levels, self._found)
+        reason = reasons(indicators, levels, self._found, condition_text(numbers.inverse_condition_number))
         reason = with_position(reason, nearest, "pose asked for", self._parameters.pose_tolerance)
-        lost = ""
-        if level != Level.OK:
-            lost = lost_motion_text(numbers.weakest_motion, T_world_camera, self._found, nearest)
+        lost = "" if level is OK else lost_motion_text(numbers.weakest_motion, T_world_camera, self._found, nearest)
         return Assessment(
             level,
-            reason,
+            lambda: reason,
             0,
             line_count=len(lines),
             conditioning=numbers,
             locus_distances=distances.distance,
             nearest=nearest,
             position_source="camera_pose",
-            lost_motion_text=lost,
+            describe_lost_motion=lambda: lost,
             goal_inverse_condition_number=goal_inverse,
         )
 
@@ -239,7 +242,7 @@ class SingularityMonitor:
 
     def _unknown(self, level: Level, reason: str, stamp: int) -> Assessment:
         self._forget()
-        return Assessment(level, reason, stamp)
+        return Assessment(level, lambda: reason, stamp)
 
     def _forget(self) -> None:
         """Begin anew: what was before says nothing about what comes next."""
