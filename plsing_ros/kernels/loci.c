@@ -32,7 +32,7 @@ PyObject *distances(PyObject *self, PyObject *const *args, Py_ssize_t count)
 
 PyObject *approach(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
-    static const struct signature expected = {7, 1, 3, {3, 1, 3, 1, -3, -3, -4}};
+    static const struct signature expected = {8, 1, 3, {3, 1, 3, 1, -9, -3, -6, -4}};
     struct arguments given;
     (void)self;
     if (!take_arguments(args, count, &expected, &given))
@@ -40,8 +40,10 @@ PyObject *approach(PyObject *self, PyObject *const *args, Py_ssize_t count)
     const double horizon = given.number[0], at_rest = given.number[1], along_share = given.number[2];
     Py_ssize_t k = given.rows;
     const double *closest = given.array[0], *distance = given.array[1], *u = given.array[2], *role = given.array[3];
-    const double *center = given.array[4], *velocity = given.array[5];
-    double *found = given.array[6], speed = sqrt(dot3(velocity, velocity)), nearest = INFINITY, least = INFINITY;
+    const double *center = given.array[5];
+    double *found = given.array[7], velocity[3], nearest = INFINITY, least = INFINITY;
+    times3(given.array[4], given.array[6], velocity);
+    double speed = sqrt(dot3(velocity, velocity));
     Py_ssize_t row = -1;
     found[0] = found[1] = found[2] = found[3] = NAN;
     for (Py_ssize_t i = 0; i < k && speed >= at_rest; i++) {

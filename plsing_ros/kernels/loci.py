@@ -32,8 +32,9 @@ def approach(
     distance: Array,
     direction: Array,
     role: Array,
+    rotation: Array,
     center: Array,
-    velocity: Array,
+    twist: Array,
     found: Array,
     horizon: float,
     at_rest: float,
@@ -46,8 +47,9 @@ def approach(
         distance: Of the centre from each, shape (k,) [m].
         direction: Unit directions of lines, zero for others, shape (k, 3).
         role: 0 for lines and points, 1 for surfaces, -1 for what is left out, shape (k,).
+        rotation: Of T_scene_camera, shape (3, 3).
         center: Camera centre, shape (3,) [m].
-        velocity: Its velocity, shape (3,) [m/s].
+        twist: Of the camera in its frame, shape (6,) [m/s, rad/s].
         found: Filled, shape (4,): the time to the closest point of the nearest locus [s] and the rate at which it comes
             nearer, as a share of the speed, or NaN if the motion does not change that distance; the time to the closest
             approach [s] and its distance [m], or NaN if there is none.
@@ -56,6 +58,7 @@ def approach(
         along_share: A motion across a locus by no more than this share of the speed is along it.
     """
     found[:] = math.nan
+    velocity = rotation @ twist[:3]
     speed = math.sqrt(float(velocity @ velocity))
     if not speed >= at_rest:
         return -1

@@ -10,6 +10,8 @@ from plsing_ros.kernels import compiled, of_numpy
 BOTH = pytest.mark.parametrize("the", [compiled, of_numpy], ids=["compiled", "numpy"])
 HORIZON, AT_REST, ALONG = 10.0, 1e-9, 0.02
 # Two lines, two points, one line that is left out.
+# Of the camera, whose motion is given in its frame.
+TURN = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 ROLE = np.array([0.0, 0.0, 0.0, 0.0, -1.0])
 
 
@@ -29,11 +31,16 @@ def distances(the, tables, center):
     return closest, distance
 
 
+def twist_of(velocity):
+    return np.concatenate([TURN.T @ velocity, [0.1, -0.2, 0.3]])
+
+
 def approach(the, tables, center, velocity, role=ROLE, horizon=HORIZON):
     closest, distance = distances(the, tables, center)
     found = np.empty(4)
     direction = tables[1] * (role == 0.0)[:, np.newaxis]
-    row = the.approach(closest, distance, direction, role, center, velocity, found, horizon, AT_REST, ALONG)
+    twist = twist_of(velocity)
+    row = the.approach(closest, distance, direction, role, TURN, center, twist, found, horizon, AT_REST, ALONG)
     return row, found
 
 
@@ -115,8 +122,8 @@ def test_a_plane_is_met_where_the_way_meets_it(the):
     """Its closest point is the foot of the perpendicular, here at (0, 0, 2)."""
     role = np.array([1.0])
     foot, center = np.array([[0.0, 0.0, 2.0]]), np.zeros(3)
-    velocity, found = np.array([0.3, 0.0, 0.4]), np.empty(4)
-    arguments = foot, np.array([2.0]), np.zeros((1, 3)), role, center, velocity, found, 10.0, AT_REST, ALONG
+    twist, found = twist_of(np.array([0.3, 0.0, 0.4])), np.empty(4)
+    arguments = foot, np.array([2.0]), np.zeros((1, 3)), role, TURN, center, twist, found, 10.0, AT_REST, ALONG
     assert the.approach(*arguments) == 0
     np.testing.assert_allclose(found, [5.0, 0.8, 5.0, 0.0], atol=1e-7)
 

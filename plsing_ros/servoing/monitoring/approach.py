@@ -9,6 +9,7 @@ import numpy as np
 
 from plsing_ros import kernels
 from plsing_ros.arrays import Array
+from plsing_ros.geometry import Pose
 from plsing_ros.singularities import DistanceArrays, Kind, LocusDistance, SingularSet
 
 # Below this the camera is at rest, or its motion is across nothing.
@@ -80,14 +81,14 @@ class ApproachTable:
         return LocusDistance(self._kinds[row], self._names[row], least, arrays.closest_point[row])
 
     def ahead(
-        self, arrays: DistanceArrays, center: Array, velocity: Array, horizon: float
+        self, arrays: DistanceArrays, T_scene_camera: Pose, twist: Array, horizon: float
     ) -> tuple[Trend, Approach | None]:
         """Return the trend with respect to the nearest locus, and the closest approach within a time, if any is ahead.
 
         Args:
             arrays: Distances from the camera centre.
-            center: Camera centre, shape (3,) [m].
-            velocity: Of the centre, in the frame of the scene, shape (3,) [m/s].
+            T_scene_camera: Where the camera is.
+            twist: Its motion, in its frame, shape (6,) [m/s, rad/s]; the turn does not matter.
             horizon: How far to look ahead [s].
         """
         if self._is_empty:
@@ -98,8 +99,9 @@ class ApproachTable:
             arrays.distance,
             self._direction,
             self._role,
-            center,
-            velocity,
+            T_scene_camera.rotation,
+            T_scene_camera.translation,
+            twist,
             found,
             horizon,
             _AT_REST,

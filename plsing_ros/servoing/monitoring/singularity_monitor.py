@@ -278,7 +278,7 @@ class SingularityMonitor:
         if twist is None or pose is None or distances is None:
             return Trend.UNKNOWN, None
         horizon = max(self._parameters.horizon, _LOOK_AHEAD)
-        return self._approaches.ahead(distances, pose.translation, pose.rotation.dot(twist[:3]), horizon)
+        return self._approaches.ahead(distances, pose, twist, horizon)
 
 
 def _scene(parameters: MonitorParameters) -> tuple[object, ...]:

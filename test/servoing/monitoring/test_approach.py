@@ -4,17 +4,24 @@ from hypothesis import assume, given
 from near_transversal_scene import SCENE
 from strategies import vectors
 
+from plsing_ros.geometry import Pose
 from plsing_ros.servoing.monitoring.approach import ApproachTable, Trend
 from plsing_ros.singularities import Kind, singular_set
 
 FOUND = singular_set(SCENE)
-TABLE = ApproachTable(FOUND)
+TURN = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def ahead(found, center, velocity, horizon=10.0):
+    """Of a camera at a centre with a velocity, both in the frame of the scene."""
+    twist = np.concatenate([TURN.T @ velocity, [0.1, -0.2, 0.3]])
+    return ApproachTable(found).ahead(found.distance_arrays(center), Pose(TURN, center), twist, horizon)
 
 
 @given(center=vectors(3), velocity=vectors(3, -1.0, 1.0))
 def test_the_closest_approach_is_the_least_over_samples_of_the_way(center, velocity):
     assume(np.linalg.norm(velocity) > 0.1)
-    trend, approach = TABLE.ahead(FOUND.distance_arrays(center), center, velocity, 10.0)
+    trend, approach = ahead(FOUND, center, velocity)
     assert isinstance(trend, Trend)
     if approach is None:
         return
@@ -32,18 +39,18 @@ def test_trends_by_example():
     way = np.array([0.6, 0.0, 0.8])
     for offset, expected in ((-0.05, Trend.APPROACHING), (0.05, Trend.LEAVING), (0.0005, Trend.PASSING)):
         center = point + offset * way + 0.001 * np.array([0.8, 0.0, -0.6])
-        trend, approach = TABLE.ahead(FOUND.distance_arrays(center), center, 0.01 * way, 10.0)
+        trend, approach = ahead(FOUND, center, 0.01 * way)
         assert trend is expected
         if expected is Trend.APPROACHING:
             assert (approach.kind, approach.name) == (Kind.ISOLATED_POINT, "isolated point 1")
             assert approach.distance == pytest.approx(0.001) and approach.time == pytest.approx(5.0)
-    assert TABLE.ahead(FOUND.distance_arrays(point), point, np.zeros(3), 10.0) == (Trend.STEADY, None)
+    assert ahead(FOUND, point, np.zeros(3)) == (Trend.STEADY, None)
 
 
 def test_along_a_transversal_is_steady():
     line = FOUND.transversals[0]
     center = line.point + 1e-3 * np.cross(line.direction, [1.0, 0.0, 0.0])
-    assert TABLE.ahead(FOUND.distance_arrays(center), center, line.direction, 10.0)[0] is Trend.STEADY
+    assert ahead(FOUND, center, line.direction)[0] is Trend.STEADY
 
 
 def test_a_surface_is_met_where_its_tangent_plane_is():
@@ -52,5 +59,5 @@ def test_a_surface_is_met_where_its_tangent_plane_is():
     arrays = found.distance_arrays(center)
     row = found.locus_names.index("quadric")
     toward = (arrays.closest_point[row] - center) / arrays.distance[row]
-    _, approach = ApproachTable(found).ahead(arrays, center, 0.1 * toward, 100.0)
+    _, approach = ahead(found, center, 0.1 * toward, 100.0)
     assert approach.distance == pytest.approx(0.0, abs=1e-9) and approach.time <= 10.0 * arrays.distance[row] + 1e-9
