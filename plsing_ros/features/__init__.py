@@ -2,7 +2,7 @@
 
 from plsing_ros.features.conditioning import Conditioning, conditioning, inverse_condition_number
 from plsing_ros.features.factorisation import Factorisation, factorised, smallest_over_largest
-from plsing_ros.features.interaction import interaction_matrix
+from plsing_ros.features.interaction import interaction_factors, interaction_matrix
 from plsing_ros.features.least_squares import Solution, difference, solved
 from plsing_ros.features.observation import LineObservation, LinesVerdict
 from plsing_ros.features.projection import degenerate_projections, image_depth, project_lines
@@ -19,6 +19,7 @@ __all__ = [
     "difference",
     "factorised",
     "image_depth",
+    "interaction_factors",
     "interaction_matrix",
     "inverse_condition_number",
     "project_lines",

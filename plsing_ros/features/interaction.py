@@ -6,6 +6,7 @@ import numpy as np
 
 from plsing_ros import kernels
 from plsing_ros.arrays import Array
+from plsing_ros.features.factorisation import Factorisation, factorised
 from plsing_ros.features.projection import DEGENERATE_DEPTH, refuse_degenerate
 from plsing_ros.geometry import LineSet
 
@@ -30,3 +31,15 @@ def interaction_matrix(lines_camera: LineSet) -> Array:
     if not kernels.interaction_matrix(lines_camera.direction, lines_camera.moment, matrix, DEGENERATE_DEPTH):
         refuse_degenerate(lines_camera)
     return matrix
+
+
+def interaction_factors(lines_camera: LineSet) -> Factorisation:
+    """Return factorised(interaction_matrix(lines_camera)) in one call, with the same errors."""
+    n = len(lines_camera)
+    left, singular_values, right = np.empty((3 * n, 6)), np.empty(6), np.empty((6, 6))
+    if not kernels.interaction_svd(
+        lines_camera.direction, lines_camera.moment, left, singular_values, right, DEGENERATE_DEPTH
+    ):
+        # Fewer rows than columns, or something is wrong, which is said step by step.
+        return factorised(interaction_matrix(lines_camera))
+    return Factorisation(left, singular_values, right)

@@ -234,7 +234,8 @@ int hessenberg_eigenvalues(double *matrix, int n, double *real, double *imaginar
 
 #define KERNELS(X)                                                                                               \
     X(align) X(approach) X(are_image_lines) X(are_lines) X(axis_centers) X(bilinear_newton) X(distances)         \
-    X(have_images) X(image_deviation) X(image_jacobians) X(image_residuals) X(interaction_matrix) X(is_rotation) \
+    X(have_images) X(image_deviation) X(image_jacobians) X(image_residuals) X(interaction_matrix)                \
+    X(interaction_svd) X(is_rotation)                                                                            \
     X(law_step) X(least_cosine) X(lines_seen) X(mean_interaction) X(plain_law) X(pose_uncertainty)               \
     X(quartic_functionals) X(refine_poses) X(scene_coordinates) X(search_poses) X(singularity_ratios) X(solve)   \
     X(subtract) X(svd) X(translations) X(triplet_rotations) X(with_conjugates)

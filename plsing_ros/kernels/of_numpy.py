@@ -12,7 +12,7 @@ from plsing_ros.kernels.refinement import refine_poses
 from plsing_ros.kernels.residuals import image_jacobians, image_residuals
 from plsing_ros.kernels.scene_frame import scene_coordinates
 from plsing_ros.kernels.search import search_poses
-from plsing_ros.kernels.singular_values import svd
+from plsing_ros.kernels.singular_values import interaction_svd, svd
 from plsing_ros.kernels.singularity import singularity_ratios
 from plsing_ros.kernels.ten_points import axis_centers, with_conjugates
 from plsing_ros.kernels.triplets import translations, triplet_rotations
@@ -31,6 +31,7 @@ __all__ = [
     "image_jacobians",
     "image_residuals",
     "interaction_matrix",
+    "interaction_svd",
     "is_rotation",
     "law_step",
     "least_cosine",

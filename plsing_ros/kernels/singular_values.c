@@ -248,3 +248,24 @@ PyObject *svd(PyObject *self, PyObject *const *args, Py_ssize_t count)
     release_arguments(&given);
     return truth(good);
 }
+
+PyObject *interaction_svd(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    static const struct signature expected = {5, 3, 1, {3, 3, 18, -6, -36}};
+    struct arguments given;
+    (void)self;
+    if (!take_arguments(args, count, &expected, &given))
+        return NULL;
+    Py_ssize_t n = given.rows;
+    double *left = given.array[2];
+    int good = n > 1 && fill_interaction_matrix(given.array[0], given.array[1], n, given.number[0], left);
+    if (good) {
+        struct decomposition d;
+        good = decompose(left, 3 * n, 6, &d, given.array[3], given.array[4]);
+        if (good)
+            left_vectors(&d, left);
+        release_decomposition(&d);
+    }
+    release_arguments(&given);
+    return truth(good);
+}

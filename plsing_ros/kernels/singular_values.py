@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plsing_ros.arrays import Array
+from plsing_ros.kernels.interaction import interaction_matrix
 
 
 def svd(matrix: Array, left: Array, singular_values: Array, right: Array) -> bool:
@@ -27,3 +28,20 @@ def svd(matrix: Array, left: Array, singular_values: Array, right: Array) -> boo
     except np.linalg.LinAlgError:
         return False
     return bool(np.isfinite(singular_values).all())
+
+
+def interaction_svd(
+    direction: Array, moment: Array, left: Array, singular_values: Array, right: Array, least_depth: float
+) -> bool:
+    """Fill the decomposition of the interaction matrix; return False if interaction_matrix or svd would.
+
+    Args:
+        direction: Of n lines in the camera frame, shape (n, 3); fewer than two are refused.
+        moment: Likewise, shape (n, 3) [m].
+        left: Filled as by svd, shape (3n, 6).
+        singular_values: Likewise, shape (6,).
+        right: Likewise, shape (6, 6).
+        least_depth: As for interaction_matrix.
+    """
+    matrix = np.empty(left.shape)
+    return interaction_matrix(direction, moment, matrix, least_depth) and svd(matrix, left, singular_values, right)

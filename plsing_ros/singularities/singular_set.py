@@ -134,7 +134,8 @@ class SingularSet:
         point, direction = self._lines_and_points
         m, k = len(point), len(point) + len(self.surfaces)
         closest, distance = np.empty((k, 3)), np.empty(k)
-        kernels.distances(point, direction, center, closest[:m], distance[:m])
+        of_lines = (closest[:m], distance[:m]) if self.surfaces else (closest, distance)
+        kernels.distances(point, direction, center, *of_lines)
         if self.surfaces:
             closest[m:] = [surface.first_order_closest_point(center) for surface in self.surfaces]
             distance[m:] = np.linalg.norm(closest[m:] - center, axis=1)

@@ -151,6 +151,28 @@ def test_solve_is_least_squares_to_rounding_of_the_matrix(the, rows, condition):
 
 
 @BOTH
+@given(lines=st.one_of(seen_lines(), seen_lines(min_size=45, max_size=50)))
+def test_the_decomposition_of_an_interaction_matrix_is_that_of_the_two_steps(the, lines):
+    m = 3 * len(lines)
+    matrix, parts = np.empty((m, 6)), (np.empty((m, 6)), np.empty(6), np.empty((6, 6)))
+    good = the.interaction_svd(lines.direction, lines.moment, *parts, LEAST_DEPTH)
+    assert good is (len(lines) > 1)
+    if good:
+        assert the.interaction_matrix(lines.direction, lines.moment, matrix, LEAST_DEPTH)
+        for part, expected in zip(parts, decomposed(the, matrix), strict=True):
+            np.testing.assert_array_equal(part, expected)
+
+
+@BOTH
+@pytest.mark.parametrize(("element", "good"), [(0.3, True), (0.0, False), (np.inf, False), (np.nan, False)])
+def test_there_is_no_decomposition_without_an_image_nor_of_what_is_not_finite(the, element, good):
+    moments = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 1.0], [element, 0.0, 0.0]])
+    parts = np.empty((9, 6)), np.empty(6), np.empty((6, 6))
+    with np.errstate(invalid="ignore"):
+        assert the.interaction_svd(np.eye(3), moments, *parts, LEAST_DEPTH) is good
+
+
+@BOTH
 @given(lines=seen_lines(min_size=3), factor=numbers(-10.0, 10.0), threshold=st.sampled_from([0.0, 1e-6, 0.1]))
 def test_solve_is_made_of_the_parts_that_it_gives(the, lines, factor, threshold):
     matrix = np.empty((3 * len(lines), 6))
@@ -346,6 +368,7 @@ def test_rotations(the):
         ("are_lines", (np.ones((4, 3)), np.ones((3, 3)), 1e-6)),
         ("are_lines", (np.ones((4, 3), dtype=np.float32), np.ones((4, 3)), 1e-6)),
         ("interaction_matrix", (np.ones((2, 3)), np.ones((2, 3)), np.ones((5, 6)), 1e-9)),
+        ("interaction_svd", (*[np.ones((2, 3))] * 2, np.ones((6, 6)), np.ones(5), np.ones((6, 6)), 1e-9)),
         ("is_rotation", (np.ones(8), 1e-6)),
     ],
 )

@@ -64,12 +64,12 @@ class CameraPosition:
         return pose, source
 
     def _received(self, stamp: int, tolerance: float) -> Pose | None:
+        # The latest nearly always has the very stamp of the features.
+        if self._poses and self._poses[-1][0] == stamp:
+            return self._poses[-1][1]
         found, least = None, tolerance * _SECOND
-        # The latest comes first, and nearly always has the very stamp of the features.
         for pose_stamp, pose in reversed(self._poses):
             apart = abs(pose_stamp - stamp)
             if apart <= least and (found is None or apart < least):
                 found, least = pose, apart
-            if apart == 0:
-                break
         return found

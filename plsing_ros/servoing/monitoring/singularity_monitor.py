@@ -6,7 +6,7 @@ import numpy.typing as npt
 
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import LineObservation, conditioning, factorised, interaction_matrix
+from plsing_ros.features import LineObservation, conditioning, interaction_factors
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.servoing.freshness import Freshness
@@ -140,7 +140,7 @@ class SingularityMonitor:
             pose, source = self._position.locate(found.lines, lines, stamp, parameters.pose_tolerance)
         except ObservationError as error:
             return self.unusable(str(error), stamp)
-        factors = factorised(interaction_matrix(lines))
+        factors = interaction_factors(lines)
         numbers = conditioning(factors, parameters.characteristic_length)
         goal_inverse, desired = NOT_KNOWN if self._goal is None else self._goal.at(lines.ids)
         distances = None if pose is None else found.distance_arrays(pose.translation)
@@ -199,7 +199,7 @@ class SingularityMonitor:
         except ObservationError as error:
             why = str(error)
             return Assessment(Level.UNOBSERVABLE, lambda: why, 0)
-        numbers = conditioning(interaction_matrix(lines), self._parameters.characteristic_length)
+        numbers = conditioning(interaction_factors(lines), self._parameters.characteristic_length)
         goal_inverse = None if self._goal is None else self._goal.at(lines.ids).inverse_condition_number
         distances = self._found.distance_arrays(T_world_camera.translation)
         nearest = self._approaches.nearest(distances)
