@@ -47,7 +47,7 @@ def shaped_array(
     if isinstance(value, np.ndarray) and value.shape == shape and value.dtype is _FLOAT:
         flags = value.flags
         if flags.owndata and flags.c_contiguous and not flags.writeable:
-            # Nobody writes to it, through no other array either.
+            # Locked by its owner, and no view of what another may write to.
             return value
     try:
         array: Array = np.array(value, dtype=np.float64, order="C")
