@@ -23,7 +23,21 @@ def run(names: list[str]) -> None:
     for name in names:
         module = importlib.import_module(f"benchmark.{name}")
         print(f"\n== {name}: {(module.__doc__ or '').splitlines()[0]}\n", flush=True)
+        before = _processor_time()
         module.main()
+        spent = [after - each for each, after in zip(before, _processor_time(), strict=True)]
+        print(
+            f"\nMeanwhile this benchmark and all else on the machine took {spent[0] / spent[2]:.0%} of its processor "
+            f"time, and the host of a virtual machine kept {spent[1] / spent[2]:.0%} for others: with more than a few "
+            "per cent kept, the slowest figures are the host's."
+        )
+
+
+def _processor_time() -> tuple[float, float, float]:
+    """Return what was used, what a host kept for others (steal), and all there was, in ticks since the start."""
+    ticks = [int(each) for each in Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
+    idle, stolen, total = ticks[3] + ticks[4], ticks[7], sum(ticks)
+    return total - idle - stolen, stolen, total
 
 
 if __name__ == "__main__":
