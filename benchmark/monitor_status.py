@@ -71,7 +71,10 @@ def _cycles(n: int, with_pose: bool, with_twist: bool, goal_known: bool = True) 
     for pose, observation, twist in itertools.cycle(_run(lines)):
         if with_pose:
             monitor.receive_pose(pose, stamp)
-        monitor.assess(observation, stamp, stamp)
+        assessment = monitor.assess(observation, stamp, stamp)
+        if assessment is not None:
+            # As whoever listens to the status does: words are made when they are read.
+            assert assessment.reason is not None and assessment.lost_motion_text is not None
         if with_twist:
             monitor.receive_twist(twist, stamp)
         stamp += _STEP
