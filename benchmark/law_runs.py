@@ -7,83 +7,35 @@ it judges; the planned ways of detour are the package's, which is what is judged
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmark.law_batch import Batch
 from benchmark.law_list import Law, feedback, guard, saturated
-from benchmark.servo_tasks import Task, mean_rotations, seen
-from plsing_ros.geometry import Pose
-from plsing_ros.servoing.ways.camera_path import CameraPath
-from plsing_ros.servoing.ways.detour import DetourOptions, plan_way
-from plsing_ros.singularities import SingularSet
+from benchmark.law_ways import Ways
+from benchmark.servo_tasks import in_camera, mean_rotations, seen
 
 TIME_STEP = 0.04  # [s]
 ARRIVED, TURNED = 1e-3, np.radians(0.1)  # [m], [rad]
-# A camera farther from its way than this is given a new one [m].
-REPLAN_DISTANCE = 0.3
-_FAR = 1e6  # [m]
-
-
-@dataclass(eq=False)
-class Batch:
-    """Tasks as arrays: k tasks, room for m lines each.
-
-    Attributes:
-        direction, moment: Of the lines in the scene frame, shape (k, m, 3).
-        weight: 1 for lines, 0 for room left, shape (k, m).
-        R, t: Of T_scene_camera at the start, shapes (k, 3, 3) and (k, 3).
-        R_goal, t_goal: At the goal, likewise.
-        locus_point, locus_direction: Transversals and points (direction zero), shape (k, p, 3); far away where fewer.
-        sets: Singular sets, for planning; empty where no law plans.
-    """
-
-    direction: np.ndarray
-    moment: np.ndarray
-    weight: np.ndarray
-    R: np.ndarray
-    t: np.ndarray
-    R_goal: np.ndarray
-    t_goal: np.ndarray
-    locus_point: np.ndarray
-    locus_direction: np.ndarray
-    sets: tuple[SingularSet, ...] = ()
-
-    @classmethod
-    def of(cls, tasks: Sequence[Task], sets: Sequence[SingularSet]) -> Batch:
-        """Collect tasks and the singular sets of their scenes."""
-        loci = [_thin_loci(found) for found in sets]
-        k, m = len(tasks), max(len(task.lines) for task in tasks)
-        p = max(1, *(len(point) for point, _ in loci))
-        direction, moment, weight = np.zeros((k, m, 3)), np.zeros((k, m, 3)), np.zeros((k, m))
-        direction[:, :, 0], moment[:, :, 1] = 1.0, 1.0
-        locus_point, locus_direction = np.full((k, p, 3), _FAR), np.zeros((k, p, 3))
-        for i, task in enumerate(tasks):
-            n, q = len(task.lines), len(loci[i][0])
-            direction[i, :n], moment[i, :n], weight[i, :n] = task.lines.direction, task.lines.moment, 1.0
-            locus_point[i, :q], locus_direction[i, :q] = loci[i]
-        poses = [
-            np.array([getattr(getattr(task, end), what) for task in tasks])
-            for end in ("start", "goal")
-            for what in ("rotation", "translation")
-        ]
-        return cls(direction, moment, weight, *poses, locus_point, locus_direction, tuple(sets))
 
 
 @dataclass(eq=False)
 class Outcome:
-    """What became of k runs, each until it arrived (without noise) or time was up.
+    """What became of k runs, each until it arrived (if it was to stop there) or time was up.
 
     Attributes:
         arrived: Within ARRIVED and TURNED of the goal, shape (k,).
         seconds: How long the run took [s].
-        peak, peak_turn: Largest |v| [m/s] and |omega| [rad/s].
+        peak, peak_turn: Largest |v| [m/s] and |omega| [rad/s] that were commanded.
         length: Of the way gone [m].
         farthest: Largest distance to the goal, in that of the start.
+        kept: Least distance to a locus of the true lines, as a share of what a way is to keep there (docs/laws.md).
         final_distance, final_turn: Root mean square over the last seconds [m], [rad].
-        distance: If traces are kept, to the goal at each step, shape (steps, k) [m]; also position and twist.
+        plans: How many ways were planned, shape (k,).
+        position, twist: If traces are kept, true centre and commanded twist at each step, shapes (k, 3) and (k, 6).
     """
 
     arrived: np.ndarray
@@ -92,8 +44,10 @@ class Outcome:
     peak_turn: np.ndarray
     length: np.ndarray
     farthest: np.ndarray
+    kept: np.ndarray
     final_distance: np.ndarray
     final_turn: np.ndarray
+    plans: np.ndarray
     position: list[np.ndarray] = field(default_factory=list)
     twist: list[np.ndarray] = field(default_factory=list)
 
@@ -105,8 +59,8 @@ def run(
     noise: float = 0.0,
     seed: int = 0,
     last: float = 5.0,
+    stop: bool = True,
     keep: bool = False,
-    quiet: int = 0,
     progress: Callable[[], object] = lambda: None,
 ) -> Outcome:
     """Run all tasks.
@@ -118,28 +72,38 @@ def run(
         noise: Standard deviation of Gaussian noise on all Plücker coordinates (u, l) of each line in the camera frame.
         seed: Of the noise; the same for all laws.
         last: Over how long the final errors are averaged [s].
+        stop: Whether a run ends when it arrives.
         keep: Whether to keep the traces.
-        quiet: How many steps at the start have no noise.
         progress: Called at each step.
     """
     k, steps = len(batch.t), round(seconds / TIME_STEP)
     R, t = batch.R.copy(), batch.t.copy()
-    goal_image, goal_L = seen(*_in_camera(batch, batch.R_goal, batch.t_goal), batch.weight)
+    true_lines, map_lines = (batch.direction, batch.moment), (batch.map_direction, batch.map_moment)
+    depth = batch.depth[:, np.newaxis, np.newaxis]
+    goal_lines = in_camera(*map_lines, batch.R_goal, batch.t_goal)
+    planned_goal = batch.R_goal, batch.t_goal
+    if batch.taught:
+        u, m = in_camera(*true_lines, batch.R_goal, batch.t_goal)
+        goal_lines = u, m * depth
+        planned_goal = _placed(*map_lines, batch.weight, *goal_lines)
+    goal_image, goal_L = seen(*goal_lines, batch.weight)
     goal_values = np.linalg.svd(goal_L.reshape(k, -1, 6), compute_uv=False)
     reference = np.maximum(goal_values[:, -1], 1e-6 * goal_values[:, 0])
     first = np.linalg.norm(t - batch.t_goal, axis=1)
     peak, peak_turn, length, farthest = np.zeros((4, k))
+    kept = np.full(k, np.inf)
     arrived, time_taken = np.zeros(k, dtype=bool), np.full(k, seconds)
-    ways = _Ways(batch) if law.follows else None
+    ways = Ways(batch, *planned_goal) if law.follows else None
     squares, turn_squares, counted = np.zeros(k), np.zeros(k), 0
     rng = np.random.default_rng(seed)
     alive = np.ones(k, dtype=bool)
-    result = Outcome(arrived, time_taken, peak, peak_turn, length, farthest, squares, turn_squares)
+    result = Outcome(arrived, time_taken, peak, peak_turn, length, farthest, kept, squares, turn_squares, np.zeros(k))
     for step in range(steps):
         distance = np.linalg.norm(t - batch.t_goal, axis=1)
         turn = _angle(batch.R_goal, R)
         np.maximum(farthest, distance / np.maximum(first, 1e-9), out=farthest)
-        if noise == 0.0:
+        np.minimum(kept, batch.kept(t), out=kept)
+        if stop:
             there = alive & (distance <= ARRIVED) & (turn <= TURNED)
             arrived |= there
             time_taken[there] = step * TIME_STEP
@@ -148,18 +112,21 @@ def run(
             squares += distance**2
             turn_squares += turn**2
             counted += 1
-        u, m = _in_camera(batch, R, t)
+        u, m = in_camera(*true_lines, R, t)
+        m = m * depth
         if noise > 0.0:
-            u, m = noisy(u, m, rng.normal(scale=noise if step >= quiet else 0.0, size=(2, *u.shape)))
+            u, m = noisy(u, m, rng.normal(scale=noise, size=(2, *u.shape)))
         rows = np.flatnonzero(alive)
         if len(rows) == 0:
             break
         image, L = seen(u[rows], m[rows], batch.weight[rows])
         desired, desired_L = goal_image[rows], goal_L[rows]
         feedforward, away = np.zeros((2, len(rows), 6))
+        if ways is not None or law.inverse == "guarded":
+            here = _placed(*(each[rows] for each in (*map_lines, batch.weight, u, m)))
         if ways is not None:
-            desired, desired_L, feedforward, R_asked, t_asked = ways.reference(rows, R, t)
-            away = _displacement(R_asked, t_asked, *_placed(batch, rows, u[rows], m[rows]))
+            desired, desired_L, feedforward, R_asked, t_asked = ways.reference(rows, *here)
+            away = _displacement(R_asked, t_asked, *here)
         error = ((image - desired) * batch.weight[rows, :, np.newaxis]).reshape(len(rows), -1)
         inverted = desired_L if law.interaction == "desired" else L
         if law.interaction == "mean":
@@ -167,8 +134,9 @@ def run(
         parts = np.linalg.svd(inverted.reshape(len(rows), -1, 6), full_matrices=False)
         twist = feedforward + feedback(law, parts, error, reference[rows], away)
         if law.inverse == "guarded":
-            loci = batch.locus_point[rows] - t[rows, np.newaxis], batch.locus_direction[rows]
-            velocity = np.einsum("kij,kj->ki", R[rows], twist[:, :3])
+            point, axis = (each[rows] for each in batch.known_loci)
+            loci = point - here[1][:, np.newaxis], axis
+            velocity = np.einsum("kij,kj->ki", here[0], twist[:, :3])
             # Whatever is inverted, the present L says how near a singularity is.
             smallest = np.linalg.svd(L.reshape(len(rows), -1, 6), compute_uv=False)[:, -1]
             twist *= guard(law, *loci, velocity, smallest / reference[rows])[:, np.newaxis]
@@ -183,10 +151,12 @@ def run(
             result.position.append(t.copy())
             result.twist.append(np.zeros((k, 6)))
             result.twist[-1][rows] = twist
-        moved = mean_rotations(twist[:, 3:] * TIME_STEP, twist[:, :3] * TIME_STEP)
-        t[rows] += np.einsum("kij,kj->ki", R[rows], moved)
-        R[rows] = R[rows] @ Rotation.from_rotvec(twist[:, 3:] * TIME_STEP).as_matrix()
+        v, omega = _carried_out(batch, rows, twist * TIME_STEP)
+        t[rows] += np.einsum("kij,kj->ki", R[rows], mean_rotations(omega, v))
+        R[rows] = R[rows] @ Rotation.from_rotvec(omega).as_matrix()
         progress()
+    if ways is not None:
+        result.plans = ways.plans
     final, final_turn = np.linalg.norm(t - batch.t_goal, axis=1), _angle(batch.R_goal, R)
     result.final_distance = np.sqrt(squares / counted) if counted else final
     result.final_turn = np.sqrt(turn_squares / counted) if counted else final_turn
@@ -201,8 +171,12 @@ def noisy(u: np.ndarray, m: np.ndarray, drawn: np.ndarray) -> tuple[np.ndarray, 
     return u, m - np.einsum("...i,...i->...", m, u)[..., np.newaxis] * u
 
 
-def _in_camera(batch: Batch, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return batch.direction @ R, (batch.moment - np.cross(t[:, np.newaxis], batch.direction)) @ R
+def _carried_out(batch: Batch, rows: np.ndarray, twist: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return v and omega of the true cameras for twists (k, 6) of the frames that they are told to move."""
+    v, omega = batch.speed[rows, np.newaxis] * twist[:, :3], batch.speed[rows, np.newaxis] * twist[:, 3:]
+    v = v + np.cross(omega, batch.t_told[rows])
+    back = batch.R_told[rows]
+    return np.einsum("kji,kj->ki", back, v), np.einsum("kji,kj->ki", back, omega)
 
 
 def _turned(L: np.ndarray, image: np.ndarray, to: np.ndarray) -> np.ndarray:
@@ -213,13 +187,14 @@ def _turned(L: np.ndarray, image: np.ndarray, to: np.ndarray) -> np.ndarray:
     return turned
 
 
-def _placed(batch: Batch, rows: np.ndarray, u: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return R and t of the cameras that see 3-D lines (u, m): Kabsch's rotation, then least squares."""
-    scene_u, weight = batch.direction[rows], batch.weight[rows]
+def _placed(
+    scene_u: np.ndarray, scene_m: np.ndarray, weight: np.ndarray, u: np.ndarray, m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return R and t of the cameras that see 3-D lines (u, m) of a scene: Kabsch's rotation, then least squares."""
     left, _, right = np.linalg.svd(np.einsum("kn,kni,knj->kij", weight, scene_u, u))
     left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, np.newaxis]
     R = left @ right
-    arm = batch.moment[rows] - m @ np.swapaxes(R, 1, 2)
+    arm = scene_m - m @ np.swapaxes(R, 1, 2)
     outer = np.einsum("kn,kni,knj->kij", weight, scene_u, scene_u)
     normal = weight.sum(axis=1)[:, np.newaxis, np.newaxis] * np.eye(3) - outer
     pull = np.einsum("kn,kni->ki", weight, np.cross(scene_u, arm))
@@ -230,53 +205,6 @@ def _displacement(R_asked: np.ndarray, t_asked: np.ndarray, R: np.ndarray, t: np
     """Return the twists that lead from poses asked for to those of the cameras in unit time, in the camera frames."""
     shift = np.einsum("kji,kj->ki", R, t - t_asked)
     return np.concatenate([shift, Rotation.from_matrix(np.swapaxes(R_asked, 1, 2) @ R).as_rotvec()], axis=1)
-
-
-class _Ways:
-    """Ways followed by a batch, planned anew for a camera that is elsewhere."""
-
-    def __init__(self, batch: Batch) -> None:
-        self._batch = batch
-        k = len(batch.t)
-        self._paths = [self._planned(row, batch.R[row], batch.t[row]) for row in range(k)]
-        self._time, self._cycle = np.zeros(k), np.zeros(k)
-        self._expected = batch.t.copy()
-
-    def _planned(self, row: int, R: np.ndarray, t: np.ndarray) -> CameraPath | None:
-        goal = Pose(self._batch.R_goal[row], self._batch.t_goal[row])
-        return plan_way(self._batch.sets[row], Pose(R, t), goal, DetourOptions()).path
-
-    def advance(self, rows: np.ndarray, seconds: np.ndarray) -> None:
-        self._time[rows] += seconds
-        self._cycle[rows] = seconds
-
-    def reference(self, rows: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return desired image lines, L, feed-forward, R and t; where a plan is refused, those of standing still."""
-        batch = self._batch
-        for row in rows[np.linalg.norm((t - self._expected)[rows], axis=1) > REPLAN_DISTANCE]:
-            self._paths[row] = self._planned(row, R[row], t[row])
-            self._time[row] = self._cycle[row] = 0.0
-            self._expected[row] = t[row]
-        asked_R, asked_t, twists = R[rows].copy(), t[rows].copy(), np.zeros((len(rows), 6))
-        for i, row in enumerate(rows):
-            path = self._paths[row]
-            if path is not None:
-                pose = path.pose(self._time[row])
-                asked_R[i], asked_t[i] = pose.rotation, pose.translation
-                twists[i] = path.twist(self._time[row] + 0.5 * self._cycle[row])
-                self._expected[row] = pose.translation
-        u = batch.direction[rows] @ asked_R
-        m = (batch.moment[rows] - np.cross(asked_t[:, np.newaxis], batch.direction[rows])) @ asked_R
-        return *seen(u, m, batch.weight[rows]), twists, asked_R, asked_t
-
-
-def _thin_loci(found: SingularSet) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and directions of transversals and isolated points, the direction of a point being zero."""
-    points = [transversal.point for transversal in found.transversals] + list(found.isolated_points)
-    directions = [transversal.direction for transversal in found.transversals]
-    return np.reshape(points, (-1, 3)), np.vstack(
-        [np.reshape(directions, (-1, 3)), np.zeros_like(found.isolated_points)]
-    )
 
 
 def _angle(R: np.ndarray, other: np.ndarray) -> np.ndarray:

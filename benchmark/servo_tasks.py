@@ -127,15 +127,18 @@ def run_all(tasks: list[Task], progress: Callable[[], object] = lambda: None) ->
 def _law(
     R: np.ndarray, t: np.ndarray, direction: np.ndarray, moment: np.ndarray, weight: np.ndarray, desired: np.ndarray
 ) -> np.ndarray:
-    u = direction @ R
-    m = (moment - np.cross(t[:, np.newaxis], direction)) @ R
-    image, matrix = seen(u, m, weight)
+    image, matrix = seen(*in_camera(direction, moment, R, t), weight)
     error = (image - desired) * weight[..., np.newaxis]
     k = len(R)
     twist: np.ndarray = -GAIN * np.einsum(
         "kij,kj->ki", np.linalg.pinv(matrix.reshape(k, -1, 6), rcond=1e-12), error.reshape(k, -1)
     )
     return twist
+
+
+def in_camera(direction: np.ndarray, moment: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return lines (k, m, 3) of a scene in frames of cameras, for R (k, 3, 3) and t (k, 3) of T_scene_camera."""
+    return direction @ R, (moment - np.cross(t[:, np.newaxis], direction)) @ R
 
 
 def seen(u: np.ndarray, m: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
