@@ -93,7 +93,7 @@ def run(
     peak, peak_turn, length, farthest = np.zeros((4, k))
     kept = np.full(k, np.inf)
     arrived, time_taken = np.zeros(k, dtype=bool), np.full(k, seconds)
-    ways = Ways(batch, *planned_goal) if law.follows else None
+    ways = Ways(batch, *planned_goal, *goal_lines) if law.follows else None
     squares, turn_squares, counted = np.zeros(k), np.zeros(k), 0
     rng = np.random.default_rng(seed)
     alive = np.ones(k, dtype=bool)
@@ -125,7 +125,7 @@ def run(
         if ways is not None or law.inverse == "guarded":
             here = _placed(*(each[rows] for each in (*map_lines, batch.weight, u, m)))
         if ways is not None:
-            desired, desired_L, feedforward, R_asked, t_asked = ways.reference(rows, *here)
+            desired, desired_L, feedforward, R_asked, t_asked = ways.reference(rows, *here, image)
             away = _displacement(R_asked, t_asked, *here)
         error = ((image - desired) * batch.weight[rows, :, np.newaxis]).reshape(len(rows), -1)
         inverted = desired_L if law.interaction == "desired" else L

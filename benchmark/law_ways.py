@@ -17,42 +17,58 @@ _REPLAN_DISTANCE = 0.3
 class Ways:
     """Ways followed by a batch, planned anew for a camera that is elsewhere."""
 
-    def __init__(self, batch: Batch, R_goal: np.ndarray, t_goal: np.ndarray) -> None:
+    def __init__(
+        self, batch: Batch, R_goal: np.ndarray, t_goal: np.ndarray, goal_u: np.ndarray, goal_m: np.ndarray
+    ) -> None:
         self._batch = batch
+        # The lines as they are seen at the goals: a way ends where they are seen, also where they do not fit the map.
+        self._u = goal_u @ np.swapaxes(R_goal, 1, 2)
+        self._m = goal_m @ np.swapaxes(R_goal, 1, 2) + np.cross(t_goal[:, np.newaxis], self._u)
         self._goals = [Pose(R, t) for R, t in zip(R_goal, t_goal, strict=True)]
         k = len(batch.t)
         self._paths: list[CameraPath | None] = [None] * k
         self._time, self._cycle = np.zeros(k), np.zeros(k)
-        # Nowhere near a camera, so that the first cycle plans.
-        self._expected = np.full((k, 3), np.inf)
+        # Where the cameras should be.
+        self._R, self._t = batch.R.copy(), batch.t.copy()
         self.plans = np.zeros(k)
 
     def advance(self, rows: np.ndarray, seconds: np.ndarray) -> None:
         self._time[rows] += seconds
         self._cycle[rows] = seconds
 
-    def reference(self, rows: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
+    def reference(self, rows: np.ndarray, R: np.ndarray, t: np.ndarray, image: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return desired image lines, L, feed-forward, R and t; where a plan is refused, those of standing still.
 
         Args:
             rows: Of the batch.
             R, t: Where the cameras of those rows see themselves.
+            image: Lines that they see, shape (k, m, 3).
         """
         batch = self._batch
-        for i in np.flatnonzero(np.linalg.norm(t - self._expected[rows], axis=1) > _REPLAN_DISTANCE):
+        far = np.linalg.norm(t - self._t[rows], axis=1) > _REPLAN_DISTANCE
+        if far.any():
+            far &= self._misfit(rows, R, t, image) < self._misfit(rows, self._R[rows], self._t[rows], image)
+        for i in np.flatnonzero(far | (self.plans[rows] == 0)):
             row = rows[i]
             plan = plan_way(batch.sets[row], Pose(R[i], t[i]), self._goals[row], DetourOptions())
             self._paths[row] = plan.path
             self._time[row] = self._cycle[row] = 0.0
-            self._expected[row] = t[i]
+            self._R[row], self._t[row] = R[i], t[i]
             self.plans[row] += 1
-        asked_R, asked_t, twists = R.copy(), t.copy(), np.zeros((len(rows), 6))
+        twists = np.zeros((len(rows), 6))
         for i, row in enumerate(rows):
             path = self._paths[row]
             if path is not None:
                 pose = path.pose(self._time[row])
-                asked_R[i], asked_t[i] = pose.rotation, pose.translation
+                self._R[row], self._t[row] = pose.rotation, pose.translation
                 twists[i] = path.twist(self._time[row] + 0.5 * self._cycle[row])
-                self._expected[row] = pose.translation
-        u, m = in_camera(batch.map_direction[rows], batch.map_moment[rows], asked_R, asked_t)
-        return *seen(u, m, batch.weight[rows]), twists, asked_R, asked_t
+        asked_R, asked_t = self._R[rows], self._t[rows]
+        return *self._seen(rows, asked_R, asked_t), twists, asked_R, asked_t
+
+    def _seen(self, rows: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return seen(*in_camera(self._u[rows], self._m[rows], R, t), self._batch.weight[rows])
+
+    def _misfit(self, rows: np.ndarray, R: np.ndarray, t: np.ndarray, image: np.ndarray) -> np.ndarray:
+        apart = (image - self._seen(rows, R, t)[0]) * self._batch.weight[rows, :, np.newaxis]
+        misfit: np.ndarray = np.linalg.norm(apart, axis=(1, 2))
+        return misfit

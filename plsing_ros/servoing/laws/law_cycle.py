@@ -52,10 +52,10 @@ class LawCycle:
     def retarget(self, target: Target, T_scene_target: Pose | None) -> None:
         """Go on with another target; the integral stays, so that a target that moves can be followed."""
         self.target = target
-        if self._loci is None or T_scene_target is None:
+        if self._loci is None or T_scene_target is None or target.lines is None:
             self._way = None
         elif self._way is None or not self._way.leads_to(T_scene_target):
-            self._way = WayKeeper(self._loci, T_scene_target)
+            self._way = WayKeeper(self._loci, T_scene_target, target.lines)
 
     @property
     def plan(self) -> Plan | None:
@@ -92,7 +92,7 @@ class LawCycle:
     def _along_the_way(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
         if self._way is None:
             raise ObservationError("law = detour needs the scene (lines.*) and a target with 3-D lines that fit it")
-        found = self._way.reference(self.parameters, lines, stamp, self._factor)
+        found = self._way.reference(self.parameters, lines, image, stamp, self._factor)
         if found is None:
             self._factor = 0.0
             return Command(Mode.REFUSED, "" if self.plan is None else self.plan.reason)

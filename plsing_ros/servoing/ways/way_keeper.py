@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
+from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.scene_loci import SceneLoci
@@ -28,13 +31,22 @@ class WayKeeper:
         plan: The plan in force, or None before the first observation.
     """
 
-    def __init__(self, loci: SceneLoci, T_scene_target: Pose) -> None:
+    def __init__(self, loci: SceneLoci, T_scene_target: Pose, lines_target: LineSet) -> None:
+        """Begin without a plan.
+
+        Args:
+            loci: Of the scene: what to keep clear of.
+            T_scene_target: Where to go.
+            lines_target: What is seen from there, in the camera frame there. The way is followed by the images of these
+                lines and not of the scene's, so that it ends where they are seen, also where they do not fit the scene.
+        """
         self.plan: Plan | None = None
         self._loci = loci
         self._target = T_scene_target
+        self._lines = lines_target.transformed(T_scene_target, loci.lines.frame)
         self._follower: WayFollower | None = None
         # Where the camera should be: on the way, or where the plan was refused.
-        self._expected: Array = np.zeros(3)
+        self._expected = T_scene_target
         self._stamp = 0
 
     def leads_to(self, T_scene_target: Pose) -> bool:
@@ -42,13 +54,14 @@ class WayKeeper:
         return T_scene_target.is_close(self._target, _SAME)
 
     def reference(
-        self, parameters: ControllerParameters, seen: LineSet, stamp: int, factor: float
+        self, parameters: ControllerParameters, seen: LineSet, image: Array, stamp: int, factor: float
     ) -> tuple[Reference, Pose] | None:
         """Return what the way asks for now and where the camera is, or None if the plan says not to go.
 
         Args:
             parameters: How to plan.
-            seen: Lines in the camera's optical frame.
+            seen: Lines in the camera's optical frame, which are in the target.
+            image: Their image lines, shape (3n,).
             stamp: Of the observation [ns].
             factor: What was left of the speed in the latest cycle, in [0, 1]: the way waits for a camera held back.
 
@@ -60,20 +73,43 @@ class WayKeeper:
             raise ObservationError(
                 "the observed lines do not fit the scene, so the camera's place on the way is unknown"
             )
-        apart = float(np.linalg.norm(pose.translation - self._expected))
-        if self.plan is None or apart > parameters.detour_replan_distance:
+        if self.plan is None or self._is_elsewhere(pose, seen.ids, image, parameters.detour_replan_distance):
             self.plan = plan_way(self._loci.found, pose, self._target, detour_options(parameters))
             path = self.plan.path
-            self._follower = None if path is None else WayFollower(path, self._loci.lines)
-            self._expected = pose.translation
+            self._follower = None if path is None else WayFollower(path, self._lines)
+            self._expected = pose
             self._stamp = stamp
         if self._follower is None:
             return None
         self._follower.advance(factor * min((stamp - self._stamp) / _SECOND, _LONGEST_STEP))
         self._stamp = stamp
         reference = self._follower.reference()
-        self._expected = reference.T_scene_camera.translation
+        self._expected = reference.T_scene_camera
         return reference, pose
+
+    def _is_elsewhere(self, pose: Pose, ids: tuple[int, ...], image: Array, distance: float) -> bool:
+        """Return whether the camera is farther than a distance from its place on the way.
+
+        A pose may be as far off by itself, with a wrong map or 3-D lines at wrong depths. A new way from there would
+        lead away from where the image leads, and be given up in turn: so the image must fit the pose better than the
+        place.
+        """
+        if float(np.linalg.norm(pose.translation - self._expected.translation)) <= distance:
+            return False
+        if self._follower is None:
+            return True
+        return self._misfit(pose, ids, image) < self._misfit(self._expected, ids, image)
+
+    def _misfit(self, pose: Pose, ids: tuple[int, ...], image: Array) -> float:
+        """Return the root mean square difference of image lines to those that have an image from a pose."""
+        there = LineObservation.of_lines(self._lines.transformed(pose.inverse(), "camera"))
+        row_of = {i: row for row, i in enumerate(ids)}
+        known = [row for row, i in enumerate(there.usable_ids) if i in row_of]
+        rows = [row_of[there.usable_ids[row]] for row in known]
+        if not rows:
+            return math.inf
+        apart = image.reshape(-1, 3)[rows] - there.usable_image_lines[known]
+        return float(np.sqrt(np.mean(np.square(apart))))
 
 
 def detour_options(parameters: ControllerParameters) -> DetourOptions:
