@@ -135,13 +135,16 @@ def _report(batch: Batch, laws: tuple[Law, ...], outcomes: list[Outcome], noise:
         row += [_quantiles(outcome.peak, (0.5, 0.95, 1.0)), f"{over.mean():.1%}"]
         row.append(_quantiles(outcome.length / straight, (0.5, 0.95)))
         row.append(_quantiles(outcome.kept, (0.0, 0.05, 0.5)))
-        row.append(_quantiles(outcome.seconds[good], (0.5, 0.95)) if floor is None else f"{good[able].mean():.1%}")
+        if floor is None:
+            row.append(_quantiles(outcome.seconds[good], (0.5, 0.95)))
+        else:
+            row.append(f"{good[able].mean():.1%}" if able.any() else "-")
         rows.append(row)
     text = [f"\nnoise {noise:g}; success: {goal}\n", *(f"| {' | '.join(row)} |" for row in rows)]
     if floor is not None:
         text.append(
             f"\nThe plain law, started at the goal, holds {able.sum()} of the {len(able)} goals that well; the other "
-            f"{(~able).sum()} are too near a singularity for this noise and these errors."
+            f"{(~able).sum()} are too near a singularity for this noise and these errors, or elsewhere by the map."
         )
     for law, outcome in zip(laws, outcomes, strict=False):
         failed = np.flatnonzero(~_success(outcome, stop))
