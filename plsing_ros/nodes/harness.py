@@ -34,6 +34,7 @@ from rclpy.qos import QoSProfile
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.run import make_executor
+from plsing_ros.nodes.shared_memory import clear_half_made_ports
 
 _N = TypeVar("_N", bound=Node)
 
@@ -84,6 +85,7 @@ class Harness:
         self.domain = self._reservation.enter_context(domain_id())
         self.context = Context()
         rclpy.init(args=["--ros-args", "--log-level", log_level], context=self.context, domain_id=self.domain)
+        clear_half_made_ports()
         self._executor = make_executor(executor, self.context)
         self._nodes: list[Node] = []
         self._collected: list[Collected] = []

@@ -23,6 +23,7 @@ from rclpy.utilities import remove_ros_args
 
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
+from plsing_ros.nodes.shared_memory import clear_half_made_ports
 
 BAD_INPUT = 2
 
@@ -96,8 +97,11 @@ def run_nodes(
     nodes: list[ParameterizedNode[Any]] = []
     try:
         options = parser.parse_args(remove_ros_args(["program", *arguments])[1:])
+        # From here on: a program that ends while the middleware makes a node leaves broken shared memory behind.
+        received = _stop_signals()
         # Own signal handling: rclpy's would take the context away before the last, zero twist can be published.
         rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
+        clear_half_made_ports()
         # One by one, so that those before a refused one are known.
         for create in choose(options):
             nodes.append(create(context=context))
@@ -116,7 +120,6 @@ def run_nodes(
     gc.collect()
     gc.freeze()
     try:
-        received = _stop_signals()
         waited_for: list[Future[None]] = []
         # A timer sees to the signal, because an executor whose nodes answer each other is never idle, and then does not
         # come back at a timeout.

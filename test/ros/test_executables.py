@@ -52,10 +52,15 @@ def start(ros, tmp_path):
 
     yield start_process
     for process in processes:
-        if process.poll() is None:
+        process.terminate()
+    try:
+        for process in processes:
+            process.wait(30.0)
+    finally:
+        # Only if one did not end, which is a fault: a killed one may leave broken shared memory behind.
+        for process in processes:
             process.kill()
-            process.wait()
-        process.log.close()
+            process.log.close()
 
 
 def output_of(process):
@@ -97,6 +102,34 @@ def test_a_signal_ends_the_controller_with_a_zero_twist_and_exit_code_0(ros, sta
     assert "Traceback" not in output_of(controller)
     assert np.all(twist_values(twists[-1]) == 0.0)
     assert states[-1].reason == "the controller shuts down"
+
+
+def test_a_signal_while_the_node_is_made_ends_it_in_order(start):
+    """Ended at once, it would leave broken shared memory behind."""
+    program = """
+import os, signal, sys
+from plsing_ros.nodes.controller import Controller
+from plsing_ros.nodes.run import run_node
+
+def create(**options):
+    os.kill(os.getpid(), signal.SIGTERM)
+    return Controller(**options)
+
+sys.exit(run_node(create, "", ""))
+"""
+    process = start(sys.executable, "-c", program, *PAPER)
+    assert process.wait(30.0) == 0, output_of(process)
+    assert "Traceback" not in output_of(process)
+
+
+def test_a_node_starts_though_another_was_killed_when_it_started(ros, start):
+    """What the other left: a file of Fast DDS at the port of the domain's second participant, not ready for use."""
+    port = Path("/dev/shm") / f"fastrtps_port{7400 + 250 * ros.domain + 11 + 2}"
+    port.write_bytes(bytes([1]) + bytes(52399))
+    states = ros.collect(ControllerState, "controller/state", qos.STATUS)
+    controller = start("controller", *PAPER)
+    ros.spin_until(lambda: states, "the controller", 30.0)
+    assert f"{port} was left half made" in output_of(controller)
 
 
 def test_a_container_runs_a_closed_loop_in_one_process_and_ends_it_with_a_zero_twist(ros, start):
