@@ -48,8 +48,10 @@ class MonitorLoop:
         message = features(pose, stamp)
         spoil(message)
         self.features.publish(message)
+        # The first status comes with the first alert, but on another topic.
         self.ros.spin_until(
-            lambda: self.statuses and self.statuses[-1].header.stamp == stamp, "the status of these features"
+            lambda: self.statuses and self.statuses[-1].header.stamp == stamp and self.alerts,
+            "the status of these features",
         )
         return self.statuses[-1]
 
