@@ -29,6 +29,7 @@ BAD_INPUT = 2
 
 # After a signal a node goes on for at most this time [s].
 _SIGNAL_PERIOD = 0.1
+_SPIN_TIME = 3600.0  # [s]
 
 # How rclpy reports bad ROS arguments and parameter files (RuntimeError, of which its own error types are made), bad
 # parameters, names, and QoS overrides.
@@ -120,20 +121,17 @@ def run_nodes(
     gc.collect()
     gc.freeze()
     try:
-        waited_for: list[Future[None]] = []
-        # A timer sees to the signal, because an executor whose nodes answer each other is never idle, and then does not
-        # come back at a timeout.
+        stop: Future[None] = Future()
+        # A timer sees to the signal: an idle EventsExecutor keeps Python from seeing it, and one whose nodes answer
+        # each other is never idle, and then does not even come back at a timeout.
         nodes[0].create_timer(
             _SIGNAL_PERIOD,
-            lambda: waited_for[-1].set_result(None) if received else None,
+            lambda: stop.set_result(None) if received else None,
             clock=Clock(clock_type=ClockType.STEADY_TIME),
         )
         while not received:
-            # Not spin(): an idle EventsExecutor would keep Python from seeing the signal. Not spin_once(): it comes
-            # back after each event, which slows a fast loop down. A new future each time: rclpy adds a callback to it.
-            # Not for long: what an EventsExecutor overlooks when it begins, it finds when it begins again.
-            waited_for[:] = [Future()]
-            executor.spin_until_future_complete(waited_for[0], timeout_sec=_SIGNAL_PERIOD)
+            # With a timeout, because without one the EventsExecutor serves nothing.
+            executor.spin_until_future_complete(stop, timeout_sec=_SPIN_TIME)
     finally:
         # After a signal, and just as well when a callback has failed.
         with ExitStack() as ending:
