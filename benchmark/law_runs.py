@@ -7,7 +7,6 @@ it judges; the planned ways of detour are the package's, which is what is judged
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,7 +60,6 @@ def run(
     last: float = 5.0,
     stop: bool = True,
     keep: bool = False,
-    progress: Callable[[], object] = lambda: None,
 ) -> Outcome:
     """Run all tasks.
 
@@ -74,7 +72,6 @@ def run(
         last: Over how long the final errors are averaged [s].
         stop: Whether a run ends when it arrives.
         keep: Whether to keep the traces.
-        progress: Called at each step.
     """
     k, steps = len(batch.t), round(seconds / TIME_STEP)
     R, t = batch.R.copy(), batch.t.copy()
@@ -154,7 +151,6 @@ def run(
         v, omega = _carried_out(batch, rows, twist * TIME_STEP)
         t[rows] += np.einsum("kij,kj->ki", R[rows], mean_rotations(omega, v))
         R[rows] = R[rows] @ Rotation.from_rotvec(omega).as_matrix()
-        progress()
     if ways is not None:
         result.plans = ways.plans
     final, final_turn = np.linalg.norm(t - batch.t_goal, axis=1), _angle(batch.R_goal, R)

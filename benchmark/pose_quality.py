@@ -197,7 +197,7 @@ def band(runs: int | np.ndarray) -> np.ndarray:
     return limits
 
 
-def approaches(runs: int, steps: int = 13) -> list[Approach]:
+def approaches(runs: int) -> list[Approach]:
     """Go to the transversal L_M and to the isolated point P1 of the paper's four lines, 1 m to 1 mm away."""
     results = []
     for experiment, name, direction in (
@@ -211,7 +211,7 @@ def approaches(runs: int, steps: int = 13) -> list[Approach]:
         estimator = PoseEstimator(scene, EstimationParameters(noise_image=_APPROACH_NOISE))
         generator = np.random.default_rng(11)
         rows = []
-        for offset in tqdm(np.geomspace(1.0, 1e-3, steps), desc=name, leave=False):
+        for offset in tqdm(np.geomspace(1.0, 1e-3, 13), desc=name, leave=False):
             pose = Pose(rotation, closest + offset * np.array(direction) / np.linalg.norm(direction))
             estimates = [estimator.estimate(noisy_image(scene, pose, _APPROACH_NOISE, generator)) for _ in range(runs)]
             squared = np.array([squared_error(pose, e) for e in estimates if e.T_world_camera is not None])

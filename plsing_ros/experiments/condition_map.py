@@ -99,17 +99,15 @@ def condition_map(
     planes: Sequence[MapPlane],
     surfaces: Sequence[Surface] = (),
     paths: Sequence[tuple[str, str, Array]] = (),
-    viewed: npt.ArrayLike = (0.0, 0.0, 0.0),
     resolution: int = 120,
 ) -> Any:
-    """Draw the inverse condition number on planes.
+    """Draw the inverse condition number on planes, of cameras that look at the origin.
 
     Args:
         found: The singular set of the scene.
         planes: Which ones, side by side.
         surfaces: Surfaces whose cuts with the planes are drawn, such as those of a triplet of the lines.
         paths: Name, colour and camera centres (k, 3) [m] of paths to be projected on the planes.
-        viewed: Point that the optical axis goes through, shape (3,) [m].
         resolution: Cameras along each edge.
 
     Returns:
@@ -118,7 +116,7 @@ def condition_map(
     figure = plt.figure(figsize=(3.6 * len(planes), 3.9), layout="constrained")
     panels = figure.subplots(1, len(planes), squeeze=False)[0]
     grids = [plane.grid(resolution) for plane in planes]
-    values = [inverse_condition_numbers(found.lines, grid.reshape(-1, 3), viewed) for grid in grids]
+    values = [inverse_condition_numbers(found.lines, grid.reshape(-1, 3), np.zeros(3)) for grid in grids]
     norm = LogNorm(_LOWEST, max(float(each.max()) for each in values))
     for axes, plane, grid, value in zip(panels, planes, grids, values, strict=True):
         size = plane.half_size

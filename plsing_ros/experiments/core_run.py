@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from plsing_ros.arrays import Array
@@ -61,12 +59,8 @@ class RunRows:
         )
 
 
-def run_in_core(task: ServoTask, on_frame: Callable[[int, float], None] = lambda number, distance: None) -> RunRecord:
+def run_in_core(task: ServoTask) -> RunRecord:
     """Run a task from its start until it arrives, is lost, or its time is over.
-
-    Args:
-        task: What to run.
-        on_frame: Called with each frame's number and distance to where the camera shall be [m].
 
     Raises:
         PlsingError: If the task's parameters are not allowed.
@@ -80,10 +74,7 @@ def run_in_core(task: ServoTask, on_frame: Callable[[int, float], None] = lambda
         if task.moving:
             servo.set_target(task.desired(len(rows) * task.time_step, parameters.camera_frame))
         command = _answer(servo, frame.observation, frame.stamp)
-        distance = rows.add(
-            frame.T_world_camera.translation, command.twist, command.error_norm, command.inverse_condition_number
-        )
-        on_frame(len(rows), distance)
+        rows.add(frame.T_world_camera.translation, command.twist, command.error_norm, command.inverse_condition_number)
         simulation.receive_twist(command.twist, frame.stamp)
         if not simulation.step_in_lockstep():
             rows.ended = rows.ended or f"lost: {simulation.frame().reason}"

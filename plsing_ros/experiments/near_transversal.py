@@ -13,7 +13,6 @@ from plsing_ros.geometry import Pose
 POINT_ON_TRANSVERSAL = np.array([0.3962, -4.337, 7.50])
 
 GAIN = 0.1  # [1/s]
-TIME_STEP = 0.04  # [s]; the paper does not state it
 
 # Where a run counts as arrived, and where it is given up.
 ARRIVED = 1e-3  # [m]

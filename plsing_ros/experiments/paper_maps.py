@@ -28,7 +28,7 @@ def map_planes() -> tuple[MapPlane, ...]:
     )
 
 
-def save_maps(folder: Path, records: Mapping[str, Sequence[RunRecord]], resolution: int = 120) -> Path:
+def save_maps(folder: Path, records: Mapping[str, Sequence[RunRecord]]) -> Path:
     """Draw the maps with the paths of Starts 1 and 2, if those are there, and return the PNG file."""
     colors = ("tab:pink", "tab:red")
     runs = records.get(STARTS_FOUR, ())[:2]
@@ -37,6 +37,5 @@ def save_maps(folder: Path, records: Mapping[str, Sequence[RunRecord]], resoluti
         map_planes(),
         singular_set(three_lines()).surfaces,
         [(run.name, color, run.position) for run, color in zip(runs, colors, strict=False)],
-        resolution=resolution,
     )
     return save_figure(figure, folder / "map.png")

@@ -40,13 +40,12 @@ TABLE_OF_POINTS: tuple[tuple[bool, tuple[float, float, float]], ...] = (
 )
 
 
-def lines_of_parameters(s: Sequence[float], d: Sequence[float], frame: str = "world") -> LineSet:
+def lines_of_parameters(s: Sequence[float], d: Sequence[float]) -> LineSet:
     """Return the lines of eq. param, param_l4 and param_l5: three, four or five, as many as there are parameters.
 
     Args:
         s: s1 to s4, s6 or s8.
         d: d1 to d3, d5 or d7 [m].
-        frame: Of the lines.
     """
     points = [[0.0, 0.0, 0.0], [0.0, 0.0, d[0]], [d[1], d[2], 0.0]]
     directions = [[1.0, 0.0, 0.0], [s[0], s[1], 0.0], [d[1], s[2], s[3]]]
@@ -56,17 +55,17 @@ def lines_of_parameters(s: Sequence[float], d: Sequence[float], frame: str = "wo
     if len(s) > 6:
         points.append([d[5], 0.0, d[6]])
         directions.append([s[6], s[7], d[6]])
-    return LineSet.from_points_directions(points, directions, frame)
+    return LineSet.from_points_directions(points, directions)
 
 
-def orthogonal_and_parallel_lines(d: Sequence[float], frame: str = "world") -> LineSet:
+def orthogonal_and_parallel_lines(d: Sequence[float]) -> LineSet:
     """Return the lines of eq. param2 for d1 to d5, with the fifth of eq. param_5lines for d1 to d7 [m]."""
     points = [[0.0, 0.0, 0.0], [0.0, 0.0, d[0]], [d[1], d[2], 0.0], [0.0, d[3], d[4]]]
     directions = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
     if len(d) > 5:
         points.append([d[5], 0.0, d[6]])
         directions.append([0.0, 1.0, 0.0])
-    return LineSet.from_points_directions(points, directions, frame)
+    return LineSet.from_points_directions(points, directions)
 
 
 def three_lines() -> LineSet:

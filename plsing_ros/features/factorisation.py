@@ -31,21 +31,10 @@ class Factorisation(NamedTuple):
         """Smallest over largest singular value, in [0, 1]; never infinite."""
         return smallest_over_largest(self.singular_values.tolist())
 
-    def solve(self, values: Array, threshold: float = 0.0) -> Array:
-        """Return pinv(L) @ values, shape (k,), without forming the pseudo-inverse.
-
-        Args:
-            values: Shape (m,).
-            threshold: Singular values up to this times the largest are taken as zero.
-        """
+    def solve(self, values: Array) -> Array:
+        """Return pinv(L) @ values, shape (k,), of values (m,), without forming the pseudo-inverse."""
         s = self.singular_values
-        along = values @ self.left
-        if s[-1] > threshold * s[0]:
-            along /= s
-        else:
-            used = s > threshold * s[0]
-            along = np.divide(along, s, out=np.zeros(len(s)), where=used)
-        solution: Array = along @ self.right
+        solution: Array = np.divide(values @ self.left, s, out=np.zeros(len(s)), where=s > 0.0) @ self.right
         return solution
 
 

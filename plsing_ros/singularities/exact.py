@@ -40,12 +40,10 @@ class ExactCount:
     Attributes:
         distinct: Different complex ones.
         real: Different real ones.
-        polynomial: Coefficients of the polynomial of degree ten whose roots they are, highest first, rational.
     """
 
     distinct: int
     real: int
-    polynomial: tuple[Any, ...]
 
 
 def exact_transversals(
@@ -145,7 +143,7 @@ def exact_point_count(
     polynomial = axis_polynomial(points, directions)
     if polynomial is None or polynomial.gcd(polynomial.diff()).degree() > 0:
         return None
-    return ExactCount(10, int(polynomial.count_roots()), tuple(polynomial.all_coeffs()))
+    return ExactCount(10, int(polynomial.count_roots()))
 
 
 def axis_polynomial(points: Sequence[Sequence[Rational]], directions: Sequence[Sequence[Rational]]) -> Any:

@@ -14,7 +14,7 @@ from plsing_ros.geometry.pose import checked_position
 from plsing_ros.singularities.residual import normalized_rank_basis
 
 # Share of the largest singular value of the row-normalised xi up to which a motion counts as invisible.
-TOLERANCE = 1e-6
+_TOLERANCE = 1e-6
 
 
 class MotionKind(enum.Enum):
@@ -58,13 +58,12 @@ class LostMotion:
         return f"{text} about an axis through ({point}), pitch {self.pitch:.4g} m/rad"
 
 
-def lost_motions(lines: LineSet, camera_center: npt.ArrayLike, tolerance: float = TOLERANCE) -> tuple[LostMotion, ...]:
+def lost_motions(lines: LineSet, camera_center: npt.ArrayLike) -> tuple[LostMotion, ...]:
     """Return a basis of the motions that move no image line: translations first, as many as there are.
 
     Args:
         lines: The observed lines.
         camera_center: In the frame of the lines, shape (3,) [m].
-        tolerance: Singular values of the row-normalised xi up to this share of the largest one count as zero.
 
     Returns:
         None at a regular centre, one at a general singular one, more at special ones.
@@ -83,7 +82,7 @@ def lost_motions(lines: LineSet, camera_center: npt.ArrayLike, tolerance: float 
         xi = np.concatenate([xi, np.zeros((6 - len(xi), 6))])
     _, singular_values, right = np.linalg.svd(xi)
     size = singular_values / (singular_values[0] if singular_values[0] > 0.0 else 1.0)
-    lost = size <= tolerance
+    lost = size <= _TOLERANCE
     kernel = right[lost]
     if len(kernel) == 0:
         return ()

@@ -48,7 +48,6 @@ class SingularSet:
         lines: The lines.
         case: Row of the table of cases; str(case) is a sentence.
         family: What meets all lines.
-        discriminant: Of the transversals, see TransversalAnalysis.
         transversals: The single lines that meet all lines, closest to the scene's centre first.
         isolated_status: What is known about isolated points.
         isolated_points: The real ones, shape (k, 3) [m], closest to the scene's centre first.
@@ -67,7 +66,6 @@ class SingularSet:
     lines: LineSet
     case: Case
     family: TransversalFamily
-    discriminant: float | None
     transversals: tuple[Transversal, ...]
     isolated_status: IsolatedStatus
     isolated_points: Array
@@ -218,7 +216,7 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
             lines,
             frame,
             Case.SINGULAR_EVERYWHERE,
-            TransversalAnalysis(TransversalFamily.EVERYWHERE, 0, None, np.zeros((0, 6)), np.zeros((0, 4))),
+            TransversalAnalysis(TransversalFamily.EVERYWHERE, np.zeros((0, 6)), np.zeros((0, 4))),
             (),
             (),
             no_points(IsolatedStatus.EVERYWHERE, reason),
@@ -271,7 +269,6 @@ def _assembled(
         lines=lines,
         case=case,
         family=analysis.family,
-        discriminant=analysis.discriminant,
         transversals=transversals,
         isolated_status=isolated.status,
         isolated_points=points[: len(rows)].real.copy(),

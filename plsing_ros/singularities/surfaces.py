@@ -151,7 +151,7 @@ class Surface:
         return np.concatenate([np.ones((len(points), 1)), points], axis=1)
 
 
-def three_line_quadric(frame: SceneFrame, name: str = "quadric") -> Surface | None:
+def three_line_quadric(frame: SceneFrame) -> Surface | None:
     """Return G(C) = det[f_1 f_2 f_3], the quadric of all lines that meet the first three lines; None if it is zero.
 
     Source: eq. _conditionG; for skew lines the hyperboloid of theorem 1.
@@ -160,10 +160,10 @@ def three_line_quadric(frame: SceneFrame, name: str = "quadric") -> Surface | No
     forms = np.empty((3, 3, 4))
     forms[:, :, 0] = cross(frame.direction[:3], frame.point[:3])
     forms[:, :, 1:] = minus_skew(frame.direction[:3])
-    return _surface(Kind.QUADRIC, name, frame, forms)
+    return _surface(Kind.QUADRIC, "quadric", frame, forms)
 
 
-def three_line_cubic(frame: SceneFrame, name: str = "cubic surface") -> Surface | None:
+def three_line_cubic(frame: SceneFrame) -> Surface | None:
     """Return H(C) = det[m_1 m_2 m_3] of the first three lines; None if it is zero.
 
     It is zero where the perpendiculars from C to the lines are coplanar.
@@ -175,7 +175,7 @@ def three_line_cubic(frame: SceneFrame, name: str = "cubic surface") -> Surface 
     forms = np.empty((3, 3, 4))
     forms[:, :, 0] = -frame.point[:3]
     forms[:, :, 1:] = across
-    return _surface(Kind.CUBIC, name, frame, forms)
+    return _surface(Kind.CUBIC, "cubic surface", frame, forms)
 
 
 def plane_surface(frame: SceneFrame, plane: Array, name: str) -> Surface:

@@ -61,17 +61,11 @@ class TransversalAnalysis:
 
     Attributes:
         family: How many.
-        null_dimension: Dimension of the null space of the n x 6 Plücker matrix.
-        discriminant: Of the quadratic on a two-dimensional null space, positive for two real lines; the value d . m of
-            the null vector (d, m) itself for a one-dimensional one: zero exactly for a singular linear complex. None
-            otherwise.
         lines: Single transversals (d, m), at infinity too, shape (k, 6), unit length.
         planes: (a, b) of the planes a . x + b = 0 filled with transversals, shape (p, 4).
     """
 
     family: TransversalFamily
-    null_dimension: int
-    discriminant: float | None
     lines: Array
     planes: Array
 
@@ -87,33 +81,30 @@ _NO_LINES = np.zeros((0, 6))
 _NO_PLANES = np.zeros((0, 4))
 
 
-def analyze_transversals(frame: SceneFrame, tolerance: float = TOLERANCE) -> TransversalAnalysis:
+def analyze_transversals(frame: SceneFrame) -> TransversalAnalysis:
     """Return what meets all lines of a scene.
 
     Args:
         frame: The scene, n >= 1 lines.
-        tolerance: Singular values of the Plücker matrix relative to the largest, and products d . m of unit vectors,
-            up to this count as zero.
 
     Source: eq. discr and section "Analysis of the variety V(G)" for n = 4 and 5; the cases by the rank of d . m on the
     null space are new, docs/theory.md section "Transversals".
     """
     singular_values, right = right_singular_vectors(frame.plucker_matrix)
     values = singular_values.tolist()
-    dimension = 6 - sum(value > tolerance * values[0] for value in values)
+    dimension = 6 - sum(value > TOLERANCE * values[0] for value in values)
     null = right[6 - dimension :]
     if dimension == 0:
-        return TransversalAnalysis(TransversalFamily.NONE, 0, None, _NO_LINES, _NO_PLANES)
+        return TransversalAnalysis(TransversalFamily.NONE, _NO_LINES, _NO_PLANES)
     if dimension == 1:
-        value = float(null[0, :3] @ null[0, 3:])
-        if abs(value) <= tolerance:
-            return TransversalAnalysis(TransversalFamily.ONE, 1, value, null, _NO_PLANES)
-        return TransversalAnalysis(TransversalFamily.NONE, 1, value, _NO_LINES, _NO_PLANES)
+        if abs(float(null[0, :3] @ null[0, 3:])) <= TOLERANCE:
+            return TransversalAnalysis(TransversalFamily.ONE, null, _NO_PLANES)
+        return TransversalAnalysis(TransversalFamily.NONE, _NO_LINES, _NO_PLANES)
     if dimension == 2:
-        return transversals_of_pencil(null, tolerance)
+        return transversals_of_pencil(null)
     if dimension == 3:
-        return _of_net(null, tolerance)
-    return TransversalAnalysis(TransversalFamily.EVERYWHERE, dimension, None, _NO_LINES, _NO_PLANES)
+        return _of_net(null)
+    return TransversalAnalysis(TransversalFamily.EVERYWHERE, _NO_LINES, _NO_PLANES)
 
 
 def finite_transversals(analysis: TransversalAnalysis) -> tuple[Array, Array]:
@@ -188,46 +179,46 @@ def order_of_loci(point: Array, direction: Array | None = None) -> list[int]:
     return sorted(order, key=lambda i: (float(f"{distance[i]:.6g}"), rows[i]))
 
 
-def transversals_of_pencil(null: Array, tolerance: float = TOLERANCE) -> TransversalAnalysis:
+def transversals_of_pencil(null: Array) -> TransversalAnalysis:
     """Return the transversals in a two-dimensional null space (2, 6): the zeros of a binary quadratic form."""
     (a, b), (_, c) = _klein_form(null).tolist()
     discriminant, size = b * b - a * c, max(abs(a), abs(b), abs(c))
-    if size <= tolerance:
-        return TransversalAnalysis(TransversalFamily.PENCIL, 2, discriminant, _NO_LINES, _plane_of(null))
+    if size <= TOLERANCE:
+        return TransversalAnalysis(TransversalFamily.PENCIL, _NO_LINES, _plane_of(null))
     # Relative to the form, which is small as a whole near a pencil.
-    margin = tolerance * size**2
+    margin = TOLERANCE * size**2
     if discriminant < -margin:
-        return TransversalAnalysis(TransversalFamily.COMPLEX_PAIR, 2, discriminant, _NO_LINES, _NO_PLANES)
+        return TransversalAnalysis(TransversalFamily.COMPLEX_PAIR, _NO_LINES, _NO_PLANES)
     if discriminant <= margin:
         root = [(-b, a)] if abs(a) >= abs(c) else [(c, -b)]
-        return TransversalAnalysis(TransversalFamily.DOUBLE, 2, discriminant, _combined(root, null), _NO_PLANES)
+        return TransversalAnalysis(TransversalFamily.DOUBLE, _combined(root, null), _NO_PLANES)
     # The root without cancellation first; the other from the product of the two.
     q = -(b + math.copysign(math.sqrt(discriminant), b))
     roots = [(q, a), (c, q)]
-    return TransversalAnalysis(TransversalFamily.TWO, 2, discriminant, _combined(roots, null), _NO_PLANES)
+    return TransversalAnalysis(TransversalFamily.TWO, _combined(roots, null), _NO_PLANES)
 
 
-def _of_net(null: Array, tolerance: float) -> TransversalAnalysis:
+def _of_net(null: Array) -> TransversalAnalysis:
     """The transversals in a three-dimensional null space: the zeros of a ternary quadratic form, a conic."""
     value, vector = np.linalg.eigh(_klein_form(null))
-    rank = int((np.abs(value) > tolerance).sum())
+    rank = int((np.abs(value) > TOLERANCE).sum())
     if rank == 3:
-        return TransversalAnalysis(TransversalFamily.REGULUS, 3, None, _NO_LINES, _NO_PLANES)
+        return TransversalAnalysis(TransversalFamily.REGULUS, _NO_LINES, _NO_PLANES)
     if rank == 0:
         # All d . m vanish: the lines of one plane, or all lines through one point (finite or not).
         flat = np.linalg.svd(null[:, :3], compute_uv=False)
-        if flat[2] <= tolerance < flat[1]:
-            return TransversalAnalysis(TransversalFamily.PLANE, 3, None, _NO_LINES, _plane_of(null))
-        return TransversalAnalysis(TransversalFamily.EVERYWHERE, 3, None, _NO_LINES, _NO_PLANES)
+        if flat[2] <= TOLERANCE < flat[1]:
+            return TransversalAnalysis(TransversalFamily.PLANE, _NO_LINES, _plane_of(null))
+        return TransversalAnalysis(TransversalFamily.EVERYWHERE, _NO_LINES, _NO_PLANES)
     # Two planes of vectors, b . x = 0 with b = sqrt|v1| e1 +- sqrt|v2| e2, equal when the rank is one.
     order = np.argsort(-np.abs(value))
     first, second = (np.sqrt(np.abs(value[i])) * vector[:, i] for i in order[:2])
     if rank == 2 and value[order[0]] * value[order[1]] > 0.0:
-        return TransversalAnalysis(TransversalFamily.ONE, 3, None, vector[:, order[2:]].T @ null, _NO_PLANES)
+        return TransversalAnalysis(TransversalFamily.ONE, vector[:, order[2:]].T @ null, _NO_PLANES)
     normals = [first] if rank == 1 else [first + second, first - second]
     planes = np.concatenate([_plane_of(np.linalg.svd(b[np.newaxis, :])[2][1:] @ null) for b in normals])
     family = TransversalFamily.PENCIL if rank == 1 else TransversalFamily.TWO_PENCILS
-    return TransversalAnalysis(family, 3, None, _NO_LINES, planes)
+    return TransversalAnalysis(family, _NO_LINES, planes)
 
 
 def _plane_of(lines: Array) -> Array:

@@ -8,6 +8,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 from plsing_msgs.msg import LineFeatureArray
 from plsing_ros.errors import PlsingError
 from plsing_ros.experiments import near_transversal as experiment
+from plsing_ros.experiments.servo_task import TIME_STEP
 from plsing_ros.nodes.closed_loop import run_closed_loop
 from plsing_ros.nodes.controller import Controller
 from plsing_ros.nodes.feature_simulator import FeatureSimulator
@@ -96,7 +97,7 @@ def test_both_executors_give_the_same_run(paper, executor):
         np.testing.assert_allclose(record.position[row], pose.translation, atol=1e-9)
         expected = plain_twist(pose)
         np.testing.assert_allclose(record.twist[row], expected, rtol=1e-5, atol=1e-8)
-        pose = pose.moved(expected, experiment.TIME_STEP)
+        pose = pose.moved(expected, TIME_STEP)
 
 
 def test_noise_makes_the_run_another_one_but_the_same_seed_the_same(paper):

@@ -11,6 +11,7 @@ from strategies import poses, seen_lines, vectors
 from plsing_ros.errors import PlsingError
 from plsing_ros.experiments import near_transversal
 from plsing_ros.experiments.config_files import config_file
+from plsing_ros.experiments.servo_task import TIME_STEP
 from plsing_ros.features import (
     LineObservation,
     LinesVerdict,
@@ -221,11 +222,11 @@ def run_from(number, most, **values):
         distance.append(np.linalg.norm(pose.translation - target.translation))
         if distance[-1] <= near_transversal.ARRIVED:
             break
-        now = NOW + round(k * near_transversal.TIME_STEP * 1e9)
+        now = NOW + round(k * TIME_STEP * 1e9)
         command = servo.step(observation(lines, pose), now, now)
         assert_safe(command, servo.parameters)
         speed.append(np.linalg.norm(command.twist[:3]))
-        pose = pose.moved(command.twist, near_transversal.TIME_STEP)
+        pose = pose.moved(command.twist, TIME_STEP)
     return np.array(distance), np.array(speed), command
 
 

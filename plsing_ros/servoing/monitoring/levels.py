@@ -46,12 +46,6 @@ class Thresholds:
         """The first level is entered below this."""
         return max(self.warn, self.critical)
 
-    def times(self, factor: float) -> Thresholds:
-        """Return all thresholds times a factor > 0."""
-        return Thresholds(
-            self.warn * factor, self.critical * factor, self.warn_exit * factor, self.critical_exit * factor
-        )
-
     def entered(self, value: float) -> Level:
         """Return the level that a value enters by itself."""
         if value < self.critical:
@@ -95,11 +89,6 @@ class Latch:
         self._better: Level = Level.OK
         self._raising = 0
         self._lowering = 0
-
-    @property
-    def level(self) -> Level:
-        """The level in force; OK before the first number."""
-        return Level.OK if self._level is None else self._level
 
     def update(self, value: float, thresholds: Thresholds, debounce: Debounce) -> Level:
         """Return the level after one more number."""

@@ -18,10 +18,6 @@ class Slope:
     def __init__(self, length: int) -> None:
         self._samples: deque[tuple[int, float]] = deque(maxlen=length)
 
-    def clear(self) -> None:
-        """Forget all samples."""
-        self._samples.clear()
-
     def add(self, value: float, stamp: int) -> tuple[float, float] | None:
         """Return the rate [1/s] and its standard error with one more value at a stamp [ns].
 
