@@ -85,10 +85,11 @@ class Batch:
             for what in ("rotation", "translation")
         ]
         factors = (np.array([getattr(case.errors, what) for case in cases]) for what in ("speed", "depth"))
-        known_loci = _padded([_thin_loci(case.known) for case in cases])
-        true_loci = _padded(
-            [tuple(map(np.vstack, zip(_thin_loci(case.true), _lines(case.task), strict=True))) for case in cases]
+        # The lines themselves are the last.
+        known_loci = _padded(
+            [tuple(each[: -len(case.known.lines)] for each in case.known.lines_and_points) for case in cases]
         )
+        true_loci = _padded([case.true.lines_and_points for case in cases])
         sets = tuple(case.known for case in cases)
         lines_known = direction, moment, weight, map_direction, map_moment
         return cls(*lines_known, *poses, *factors, known_loci, true_loci, sets, taught)
@@ -114,16 +115,3 @@ def _padded(loci: Sequence[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndar
     for i, (points, directions) in enumerate(loci):
         point[i, : len(points)], direction[i, : len(points)] = points, directions
     return point, direction
-
-
-def _thin_loci(found: SingularSet) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and directions of transversals and isolated points, the direction of a point being zero."""
-    points = [transversal.point for transversal in found.transversals] + list(found.isolated_points)
-    directions = [transversal.direction for transversal in found.transversals]
-    return np.reshape(points, (-1, 3)), np.vstack(
-        [np.reshape(directions, (-1, 3)), np.zeros_like(found.isolated_points)]
-    )
-
-
-def _lines(task: Task) -> tuple[np.ndarray, np.ndarray]:
-    return task.lines.point, task.lines.direction

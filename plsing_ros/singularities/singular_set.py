@@ -108,8 +108,11 @@ class SingularSet:
         return (*kinds, *(surface.kind for surface in self.surfaces))
 
     @cached_property
-    def _lines_and_points(self) -> tuple[Array, Array]:
-        """A point and the direction of everything that is no surface; points are lines whose direction is zero."""
+    def lines_and_points(self) -> tuple[Array, Array]:
+        """A point [m] and the unit direction of all that is no surface, in the order of locus_names, shapes (m, 3).
+
+        A point is a line whose direction is zero.
+        """
         single = self.transversals
         point = [np.array([t.point for t in single])] if single else []
         direction = [np.array([t.direction for t in single])] if single else []
@@ -129,7 +132,7 @@ class SingularSet:
             GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
         """
         center = checked_position("camera_center", camera_center)
-        point, direction = self._lines_and_points
+        point, direction = self.lines_and_points
         m, k = len(point), len(point) + len(self.surfaces)
         closest, distance = np.empty((k, 3)), np.empty(k)
         of_lines = (closest[:m], distance[:m]) if self.surfaces else (closest, distance)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from plsing_ros.arrays import Array
-from plsing_ros.singularities import Kind, SingularSet
+from plsing_ros.singularities import SingularSet
 
 # Share of an end's own distance to a locus that is kept there, and by how much more for each metre away from the end.
 _KEPT = 0.9
 _SLOPE = 0.5
-
-_THIN = (Kind.TRANSVERSAL, Kind.ISOLATED_POINT, Kind.OBSERVED_LINE)
 
 
 class Clearance:
@@ -49,12 +47,8 @@ class Clearance:
         ]
         self.crossed = tuple(each.name for each in found.surfaces if each not in [surface for surface, _ in kept])
         self._surfaces = kept
-        thin = [i for i, kind in enumerate(found.locus_kinds) if kind in _THIN]
-        self.names = tuple(found.locus_names[i] for i in thin) + tuple(surface.name for surface, _ in kept)
-        single, points, lines = found.transversals, found.isolated_points, found.lines
-        self._point = np.vstack([*(each.point for each in single), points, lines.point])
-        # A point is a line whose direction is zero.
-        self._direction = np.vstack([*(each.direction for each in single), np.zeros_like(points), lines.direction])
+        self._point, self._direction = found.lines_and_points
+        self.names = found.locus_names[: len(self._point)] + tuple(surface.name for surface, _ in kept)
         self._at_ends = self.distances(ends)
 
     def distances(self, centers: Array) -> Array:
