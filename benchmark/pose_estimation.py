@@ -27,13 +27,14 @@ from types import ModuleType
 import numpy as np
 from tqdm import tqdm
 
-from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS, Experiment, noisy_scene
+from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS, Experiment
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters
 from plsing_ros.pose import PoseEstimator, Verdict
 from plsing_ros.pose.refinement import refine
 from plsing_ros.pose.residuals import ImageResiduals, LineNoise, residual_settings
+from plsing_ros.servoing.simulated_camera import noisy_lines
 
 SAMPLES, SEEDS = 101, 1
 _PLACES, _ROUNDS = 5, 30
@@ -93,7 +94,7 @@ def _times(experiment: Experiment, candidates: dict[str, Candidate]) -> dict[str
     total = dict.fromkeys((name for name in candidates if name != _FIRST), 0.0)
     for pose in poses:
         seen = LineObservation.of_lines(experiment.scene.transformed(pose.inverse(), "camera"))
-        known = noisy_scene(experiment.scene, experiment.noise, np.random.default_rng(1))
+        known = noisy_lines(experiment.scene, experiment.noise, np.random.default_rng(1))
         last = pose.moved(np.full(6, 0.003), 1.0)
         calls: dict[str, Callable[[], object]] = {
             name: (lambda each=candidates[name]: each(known, seen, experiment.noise)) for name in total
@@ -127,7 +128,7 @@ def _run(experiment: Experiment, candidates: dict[str, Candidate], samples: int,
         generator = np.random.default_rng(seed)
         for pose in tqdm(experiment.poses(samples), desc=experiment.name, leave=False):
             seen = LineObservation.of_lines(scene.transformed(pose.inverse(), "camera"))
-            known = noisy_scene(scene, experiment.noise, generator)
+            known = noisy_lines(scene, experiment.noise, generator)
             for name, candidate in candidates.items():
                 center, ok = candidate(known, seen, experiment.noise)
                 records[name].ok.append(ok)

@@ -16,6 +16,7 @@ from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters
 from plsing_ros.pose import PoseEstimator, Verdict
+from plsing_ros.servoing.simulated_camera import noisy_lines
 
 SAMPLES = 401
 SEEDS = (1, 2, 3, 4, 5)
@@ -106,18 +107,6 @@ class PoseErrors:
         return np.asarray(np.quantile(values, [0.5, 0.95, 1.0])) if len(values) else np.zeros(0)
 
 
-def noisy_scene(lines: LineSet, noise: float, generator: np.random.Generator) -> LineSet:
-    """Return lines after independent Gaussian noise on their Plücker coordinates (unit directions, moments [m]).
-
-    The directions are brought back to unit length and the moments made orthogonal to them.
-    """
-    direction = lines.direction + generator.normal(scale=noise, size=(len(lines), 3))
-    moment = lines.moment + generator.normal(scale=noise, size=(len(lines), 3))
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    moment -= np.einsum("ij,ij->i", moment, direction)[:, np.newaxis] * direction
-    return LineSet(direction, moment, lines.frame, lines.ids)
-
-
 def run(
     experiment: Experiment,
     seeds: tuple[int, ...] = SEEDS,
@@ -143,7 +132,7 @@ def run(
         generator = np.random.default_rng(seed)
         for i, pose in enumerate(poses):
             seen = LineObservation.of_lines(scene.transformed(pose.inverse(), "camera"))
-            known = noisy_scene(scene, experiment.noise, generator)
+            known = noisy_lines(scene, experiment.noise, generator)
             estimate = PoseEstimator(known, settings).estimate(seen)
             first_center[k, i] = refined_center[k, i] = pose.translation
             verdict[k, i] = estimate.verdict.value

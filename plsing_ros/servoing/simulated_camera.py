@@ -32,9 +32,7 @@ class SimulatedCamera:
             lines: The scene, in the world frame.
             T_world_camera: Start pose of the optical frame.
             frame: Name of the optical frame.
-            noise: Standard deviation of Gaussian noise on every Plücker coordinate of the lines in the camera frame
-                (unit direction and moment in m). The noisy coordinates are brought back to a line: the direction to
-                unit length, the moment orthogonal to it.
+            noise: Standard deviation of the noise of noisy_lines, on the lines in the camera frame.
             seed: Seed of the one generator that all noise comes from.
             noise_on: "lines": only the 3-D lines have the noise, "image": only the image lines, "both": the image lines
                 are those of the noisy 3-D lines.
@@ -51,7 +49,7 @@ class SimulatedCamera:
         lines = self.lines.transformed(self.T_world_camera.inverse(), self._frame)
         if self.noise == 0.0:
             return LineObservation.of_lines(lines)
-        noisy = self._noisy(lines)
+        noisy = noisy_lines(lines, self.noise, self._generator)
         if self.noise_on == "both":
             return LineObservation.of_lines(noisy)
         return _mixed(lines, noisy) if self.noise_on == "lines" else _mixed(noisy, lines)
@@ -65,12 +63,17 @@ class SimulatedCamera:
         """
         self.T_world_camera = self.T_world_camera.moved(twist, duration)
 
-    def _noisy(self, lines: LineSet) -> LineSet:
-        direction = lines.direction + self._generator.normal(scale=self.noise, size=(len(lines), 3))
-        moment = lines.moment + self._generator.normal(scale=self.noise, size=(len(lines), 3))
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        moment -= np.einsum("ij,ij->i", moment, direction)[:, np.newaxis] * direction
-        return LineSet(direction, moment, lines.frame, lines.ids)
+
+def noisy_lines(lines: LineSet, noise: float, generator: np.random.Generator) -> LineSet:
+    """Return lines after independent Gaussian noise on their Plücker coordinates (unit directions, moments [m]).
+
+    The directions are brought back to unit length and the moments made orthogonal to them.
+    """
+    direction = lines.direction + generator.normal(scale=noise, size=(len(lines), 3))
+    moment = lines.moment + generator.normal(scale=noise, size=(len(lines), 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    moment -= np.einsum("ij,ij->i", moment, direction)[:, np.newaxis] * direction
+    return LineSet(direction, moment, lines.frame, lines.ids)
 
 
 def _mixed(of_image: LineSet, in_space: LineSet) -> LineObservation:

@@ -8,11 +8,12 @@ from scipy.stats import chi2
 from strategies import numbers
 
 from plsing_ros.errors import ObservationError, ParameterError
-from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS, noisy_scene
+from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters, PoseEstimatorParameters
 from plsing_ros.pose import PoseEstimator, Verdict, completed_observation
+from plsing_ros.servoing.simulated_camera import noisy_lines
 from plsing_ros.singularities import singular_set
 
 PAPER = LineSet.from_points_directions(
@@ -123,7 +124,7 @@ def test_a_pose_next_to_a_line_that_explains_the_image_by_its_covariance_alone_i
     # On L_M of five lines, refinement without the determinant of the covariance ends 1 mm from the fifth line.
     experiment, generator = EXPERIMENTS[3], np.random.default_rng(1)
     pose = experiment.poses(401)[50]
-    known = [noisy_scene(experiment.scene, experiment.noise, generator) for _ in range(51)][-1]
+    known = [noisy_lines(experiment.scene, experiment.noise, generator) for _ in range(51)][-1]
     settings_ = EstimationParameters(noise_image=0.0, noise_scene=experiment.noise)
     estimate = PoseEstimator(known, settings_).estimate(image_of(experiment.scene, pose))
     assert estimate.verdict is not Verdict.OK
