@@ -8,7 +8,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.servoing.monitoring.camera_position import CameraPosition
+from plsing_ros.servoing.monitoring.camera_position import pose_by_lines
 from plsing_ros.singularities import Kind, SingularSet, singular_set
 
 
@@ -17,7 +17,6 @@ class SceneLoci:
 
     def __init__(self, lines: LineSet) -> None:
         self.lines = lines
-        self._position = CameraPosition()
 
     @cached_property
     def found(self) -> SingularSet:
@@ -39,7 +38,7 @@ class SceneLoci:
         Raises:
             ObservationError: If a line is reversed with respect to the scene.
         """
-        return self._position.locate(self.lines, seen, 0, 0.0)[0]
+        return pose_by_lines(self.lines, seen)
 
     def offsets(self, center: Array) -> Array:
         """Return the vectors from a camera centre to the closest point of each locus, shape (k, 3) [m].
@@ -50,7 +49,7 @@ class SceneLoci:
         offset: Array = self.found.distance_arrays(center).closest_point[self._rows] - center
         return offset
 
-    def nearest_text(self, center: Array | None) -> str:
-        """Return how near the nearest locus is, as a clause to append to a reason, or "" if it is not known."""
-        nearest = None if center is None else self.found.nearest_locus(center)
+    def nearest_text(self, center: Array) -> str:
+        """Return how near the nearest locus is, as a clause to append to a reason, or "" if there is none."""
+        nearest = self.found.nearest_locus(center)
         return "" if nearest is None else f"; {nearest.distance:.3g} m from {nearest.name}"

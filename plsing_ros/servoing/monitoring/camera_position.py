@@ -41,27 +41,12 @@ class CameraPosition:
         Raises:
             ObservationError: If a line is reversed with respect to the scene.
         """
-        against: tuple[int, ...] = ()
         pose = self._received(stamp, tolerance)
         if pose is not None:
-            source, against = "camera_pose", reversed_lines(scene, lines, pose.rotation)
-        else:
-            try:
-                aligned = align_lines(scene, lines)
-            except GeometryError:
-                return None, ""
-            pose, source = aligned.T_scene_camera, "features"
-            if aligned.angle > _LARGEST_MISFIT:
-                against = lines_to_reverse(scene, lines, _LARGEST_MISFIT)
-                if not against:
-                    return None, ""
-        if against:
-            several = len(against) > 1
-            raise ObservationError(
-                f"line{'s' if several else ''} {', '.join(map(str, against))} {'are' if several else 'is'} reversed "
-                "with respect to the scene: the direction's sign must agree with lines.directions"
-            )
-        return pose, source
+            _refuse_reversed(reversed_lines(scene, lines, pose.rotation))
+            return pose, "camera_pose"
+        pose = pose_by_lines(scene, lines)
+        return pose, "" if pose is None else "features"
 
     def _received(self, stamp: int, tolerance: float) -> Pose | None:
         # The latest nearly always has the very stamp of the features.
@@ -73,3 +58,24 @@ class CameraPosition:
             if apart <= least and (found is None or apart < least):
                 found, least = pose, apart
         return found
+
+
+def pose_by_lines(scene: LineSet, lines: LineSet) -> Pose | None:
+    """Return T_scene_camera by the lines that are seen, or None if they do not tell; arguments and error as locate."""
+    try:
+        aligned = align_lines(scene, lines)
+    except GeometryError:
+        return None
+    if aligned.angle > _LARGEST_MISFIT:
+        _refuse_reversed(lines_to_reverse(scene, lines, _LARGEST_MISFIT))
+        return None
+    return aligned.T_scene_camera
+
+
+def _refuse_reversed(ids: tuple[int, ...]) -> None:
+    if ids:
+        several = len(ids) > 1
+        raise ObservationError(
+            f"line{'s' if several else ''} {', '.join(map(str, ids))} {'are' if several else 'is'} reversed "
+            "with respect to the scene: the direction's sign must agree with lines.directions"
+        )
