@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plsing_ros.arrays import Array, cross
+from plsing_ros.features.projection import DEGENERATE_DEPTH
 from plsing_ros.geometry import LineSet
 
 
@@ -18,7 +19,7 @@ def inverse_condition_numbers(lines: LineSet, rotation: Array, position: Array) 
     """
     direction, moment = _in_camera(lines, rotation, position)
     depth = np.hypot(moment[..., 0], moment[..., 1])
-    seen = depth > 1e-9 * np.maximum(1.0, np.abs(moment).max(axis=2))
+    seen = depth >= DEGENERATE_DEPTH * np.maximum(1.0, np.abs(moment).max(axis=2))
     depth = np.where(seen, depth, 1.0)
     # An image line moves along (-l'_y, l'_x, 0) and (0, 0, 1) only: these two rows have L's singular values.
     image = moment / depth[..., np.newaxis]
