@@ -57,7 +57,7 @@ def conditioning(matrix: npt.ArrayLike | Factorisation, characteristic_length: f
     Raises:
         GeometryError: If the matrix is not finite or has another shape, or the length is not positive.
 
-    Source: section 7 of docs/conventions.md ("The condition number").
+    Source: docs/conventions.md section "The condition number".
     """
     if not 0.0 < characteristic_length < math.inf:
         raise GeometryError(f"characteristic_length is {characteristic_length} m; it must be positive and finite")

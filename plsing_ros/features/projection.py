@@ -9,8 +9,8 @@ from plsing_ros.arrays import Array, BoolArray
 from plsing_ros.errors import DegenerateProjectionError
 from plsing_ros.geometry import LineSet
 
-# A line whose |(l_x, l_y)| is below this times the larger of 1 m and |l| has no usable image: rounding of coordinates
-# of that size already moves it by a visible part.
+# A line whose |(l_x, l_y)| is below this times the larger of 1 m and the largest component of l has no usable image:
+# rounding of coordinates of that size already moves it by a visible part.
 DEGENERATE_DEPTH = 1e-9
 
 

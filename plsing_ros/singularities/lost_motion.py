@@ -71,7 +71,7 @@ def lost_motions(lines: LineSet, camera_center: npt.ArrayLike) -> tuple[LostMoti
     Raises:
         GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
 
-    Source: remarks kern and singll, and section 2 of docs/theory.md.
+    Source: remarks kern and singll, with the xi of docs/theory.md.
     """
     center = checked_position("camera_center", camera_center)
     point = lines.point
