@@ -19,6 +19,7 @@ _INTERVALS = 24
 _KNOTS = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, _INTERVALS + 1), np.ones(3)])
 # Greville abscissae: control points taken there reproduce a straight way, and its parameter, exactly.
 _GREVILLE = np.array([_KNOTS[i + 1 : i + 4].mean() for i in range(_INTERVALS + 3)])
+_NO_CORNERS = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class CameraPath:
         start: Pose,
         goal: Pose,
         limits: SpeedLimits,
-        corners: npt.ArrayLike = (),
+        corners: npt.ArrayLike = _NO_CORNERS,
         tilt: npt.ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         """Lay a way.
@@ -81,7 +82,7 @@ class CameraPath:
         Raises:
             GeometryError: If a corner or the tilt is not finite or has another shape.
         """
-        between = checked_array("corners", np.reshape(np.asarray(corners, dtype=float), (-1, 3)), (None, 3))
+        between = checked_array("corners", corners, (None, 3))
         self.start, self.goal = start, goal
         self._tilt = checked_array("tilt", tilt, (3,))
         polygon = np.concatenate([[start.translation], between, [goal.translation]])

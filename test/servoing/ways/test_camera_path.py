@@ -60,7 +60,7 @@ def test_the_twist_is_the_central_difference_of_the_pose(way, share):
 @few
 @given(way=ways(), speed=limits, share=st.floats(0.0, 1.0))
 def test_it_keeps_the_speed_limits_and_starts_and_stops_gently(way, speed, share):
-    way = CameraPath(way.start, way.goal, speed, np.mean([way.start.translation, way.goal.translation], axis=0) + 1.0)
+    way = CameraPath(way.start, way.goal, speed, [0.5 * (way.start.translation + way.goal.translation) + 1.0])
     time = share * way.duration
     ramp = max(min(time, way.duration - time) / speed.ramp, 0.0)
     twist = way.twist(time)
@@ -137,3 +137,9 @@ def test_sampled_poses_begin_at_the_start_and_end_at_the_goal(way, count):
 def test_limits_that_are_none_are_refused(values, message):
     with pytest.raises(GeometryError, match=message):
         SpeedLimits(**values)
+
+
+@pytest.mark.parametrize("corners", [(1.0, 0.0), (1.0, 0.0, 0.0), [[1.0, 0.0]], [[np.nan, 0.0, 0.0]], "none"])
+def test_corners_that_are_none_are_refused(corners):
+    with pytest.raises(GeometryError, match="corners"):
+        CameraPath(Pose(np.eye(3), np.zeros(3)), Pose(np.eye(3), np.ones(3)), SpeedLimits(), corners)

@@ -21,7 +21,7 @@ def followers(draw):
     start = draw(poses())
     in_camera = draw(seen_lines(min_size=3))
     goal = start.moved(draw(vectors(6, -0.1, 0.1)), 1.0)
-    path = CameraPath(start, goal, LIMITS, start.translation + draw(vectors(3, -0.1, 0.1)))
+    path = CameraPath(start, goal, LIMITS, [start.translation + draw(vectors(3, -0.1, 0.1))])
     return WayFollower(path, in_camera.transformed(start, "world"))
 
 
