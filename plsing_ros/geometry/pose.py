@@ -70,20 +70,21 @@ class Pose:
         Args:
             center: Camera centre in the world, shape (3,) [m].
             viewed: The point on the optical axis, in the world, shape (3,) [m].
-            down: World direction that appears downwards in the image, shape (3,).
+            down: World direction that appears downwards in the image, of any length but zero, shape (3,).
 
         Raises:
-            GeometryError: If the point is the camera centre, down is along the optical axis, or one of them is not
-                three finite numbers, up to 1e50 m.
+            GeometryError: If the point is the camera centre, down is zero or along the optical axis, or one of them is
+                not three finite numbers, up to 1e50 m.
         """
         origin = checked_position("center", center)
         forward = checked_position("viewed", viewed) - origin
         if not np.linalg.norm(forward) > 0.0:
             raise GeometryError(f"the camera at {origin.tolist()} cannot look at its own centre")
         z = forward / np.linalg.norm(forward)
-        x = np.cross(checked_position("down", down), z)
-        if np.linalg.norm(x) < 1e-9:
-            raise GeometryError(f"down = {list(np.asarray(down))} is along the optical axis {z.tolist()}")
+        downwards = checked_position("down", down)
+        x = np.cross(downwards, z)
+        if np.linalg.norm(x) <= 1e-9 * np.linalg.norm(downwards):
+            raise GeometryError(f"down = {downwards.tolist()} is zero or along the optical axis {z.tolist()}")
         x /= np.linalg.norm(x)
         return cls(np.column_stack([x, np.cross(z, x), z]), origin)
 

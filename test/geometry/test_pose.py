@@ -75,6 +75,13 @@ def test_looking_at_puts_the_point_on_the_optical_axis(center, viewed):
     assert T_world_camera.rotation[2, 1] < 0.0  # image down is world down
 
 
+@given(length=numbers(-12.0, 12.0))
+def test_the_length_of_down_does_not_matter(length):
+    down = np.array([0.3, -0.2, -1.0])
+    expected, found = (Pose.looking_at([1, 2, 3], [-2, 0, 1], size * down) for size in (1.0, 10.0**length))
+    np.testing.assert_allclose(found.rotation, expected.rotation, atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("build", "message"),
     [
@@ -86,7 +93,8 @@ def test_looking_at_puts_the_point_on_the_optical_axis(center, viewed):
         (lambda: Pose.from_quaternion([0, 0, 0], [1e300, 0, 0, 0]), r"length 1e\+300"),
         (lambda: Pose(np.eye(3), [0, 1e60, 0]), r"translation is \[0.0, 1e\+60, 0.0\] m; coordinates up to 1e\+50 m"),
         (lambda: Pose.looking_at([1, 2, 3], [1, 2, 3]), "cannot look at its own centre"),
-        (lambda: Pose.looking_at([0, 0, 0], [0, 0, 5]), "along the optical axis"),
+        (lambda: Pose.looking_at([0, 0, 0], [0, 0, 5]), r"down = \[0.0, 0.0, -1.0\] is zero or along the optical axis"),
+        (lambda: Pose.looking_at([0, 0, 0], [0, 0, 5], [0, 0, 0]), "is zero or along the optical axis"),
         (lambda: Pose(np.eye(3), np.zeros(3)).moved([np.inf, 0, 0, 0, 0, 0], 1.0), r"twist\[0\] is inf"),
         (lambda: Pose(np.eye(3), np.zeros(3)).moved([1e300, 0, 0, 0, 0, 0], 1e300), "is a step of inf m or rad"),
     ],
