@@ -38,8 +38,8 @@ def multiplication_maps(degree: int) -> Array:
 def half_sphere_points(count: int) -> Array:
     """Return count unit vectors spread evenly over a half sphere that is in no special position, shape (count, 3).
 
-    Values there determine a form of a degree with at most count monomials, with a condition number of about 35 for
-    the 45 monomials of degree 8.
+    Values there determine a form of a degree with at most count monomials, with a condition number of 7.5 for the 15
+    monomials of degree 4.
     """
     index = np.arange(count) + 0.5
     z = 1.0 - index / count
