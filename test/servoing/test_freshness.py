@@ -55,3 +55,11 @@ def test_a_clock_that_jumps_back_starts_anew(fresh):
     assert fresh.refusal(earlier, earlier) is None
     fresh.refusal(NOW, NOW)
     assert fresh.silence(earlier) == "no features received yet"
+
+
+def test_a_clock_that_goes_back_by_less_than_the_tolerance_has_not_jumped(fresh):
+    fresh.refusal(NOW, NOW)
+    assert not fresh.follow_clock(NOW - 9 * SECOND // 100)
+    assert fresh.last_stamp == NOW
+    assert fresh.follow_clock(NOW - 2 * SECOND // 10)
+    assert fresh.last_stamp is None

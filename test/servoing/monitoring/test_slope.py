@@ -30,5 +30,5 @@ def test_a_gap_or_a_stamp_that_is_not_later():
     slope = Slope(10)
     slope.add(1.0, 1)
     assert slope.add(2.0, 1) is None
-    assert slope.add(5.0, 5_000 * MILLISECONDS) is None
-    assert slope.add(6.0, 6_000 * MILLISECONDS)[0] == pytest.approx(1.0)
+    assert slope.add(5.0, 1_001 * MILLISECONDS) is None
+    assert slope.add(6.0, 2_001 * MILLISECONDS)[0] == pytest.approx(1.0)
