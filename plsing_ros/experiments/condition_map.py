@@ -134,15 +134,7 @@ def condition_map(
             if cut.min() < 0.0 < cut.max():
                 axes.contour(ticks, ticks, cut, [0.0], colors=_SURFACE_COLORS[surface.name], linewidths=0.8)
         _draw_straight(axes, plane, found.lines.point, found.lines.direction, "black", "-")
-        single = found.transversals
-        _draw_straight(
-            axes,
-            plane,
-            np.array([t.point for t in single]),
-            np.array([t.direction for t in single]),
-            "tab:orange",
-            "--",
-        )
+        _draw_straight(axes, plane, *found.transversal_lines, "tab:orange", "--")
         points = plane.coordinates(found.isolated_points)
         points = points[np.abs(points[:, 2]) <= _NEAR * size]
         axes.plot(points[:, 0], points[:, 1], "o", color="red", markersize=5, markeredgecolor="white")

@@ -67,12 +67,8 @@ def draw_trajectories(figure: Any, records: Sequence[RunRecord], found: Singular
         draw_lines(
             axes, found.lines.point, found.lines.direction, center, radius, color="black", label="observed lines"
         )
-        if found.transversals:
-            points = np.array([each.point for each in found.transversals])
-            directions = np.array([each.direction for each in found.transversals])
-            draw_lines(
-                axes, points, directions, center, radius, color="tab:orange", linestyle="--", label="transversals"
-            )
+        points, directions = found.transversal_lines
+        draw_lines(axes, points, directions, center, radius, color="tab:orange", linestyle="--", label="transversals")
         for record, color in zip(records, RUN_COLORS * len(records), strict=False):
             path = np.where(
                 np.abs(record.position - center).max(axis=1, keepdims=True) <= radius, record.position, np.nan

@@ -111,8 +111,7 @@ def _trajectories(figure: Any, runs: Sequence[RunRecord], found: SingularSet) ->
     radius = 1.5
     draw_lines(
         axes,
-        np.array([each.point for each in found.transversals]),
-        np.array([each.direction for each in found.transversals]),
+        *found.transversal_lines,
         middle,
         1.6 * radius,
         color="tab:orange",

@@ -258,7 +258,7 @@ def locus_distance_message(nearest: LocusDistance | None) -> LocusDistanceMessag
 
 def loci_message(found: SingularSet, head: Header) -> SingularLoci:
     """Return the singular set of a scene."""
-    lines = found.lines
+    lines, (points, directions) = found.lines, found.transversal_lines
     return SingularLoci(
         header=head,
         line_ids=list(lines.ids),
@@ -266,8 +266,8 @@ def loci_message(found: SingularSet, head: Header) -> SingularLoci:
         line_directions=flat(lines.direction),
         description=found.description,
         transversal_names=[each.name for each in found.transversals],
-        transversal_points=flat(np.array([each.point for each in found.transversals])),
-        transversal_directions=flat(np.array([each.direction for each in found.transversals])),
+        transversal_points=flat(points),
+        transversal_directions=flat(directions),
         transversal_residuals=flat(np.array([each.residual for each in found.transversals])),
         isolated_point_names=[
             name for name, kind in zip(found.locus_names, found.locus_kinds, strict=True) if kind is Kind.ISOLATED_POINT

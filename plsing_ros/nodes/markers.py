@@ -41,17 +41,11 @@ def scene_markers(found: SingularSet, head: Header) -> MarkerArray:
     width = 0.004 * radius
     lines = _marker(head, "observed_lines", Marker.LINE_LIST, width, _OBSERVED)
     lines.points = _points(segments_in_ball(found.lines.point, found.lines.direction, center, radius))
-    markers = [lines]
-    if found.transversals:
-        point = np.array([each.point for each in found.transversals])
-        direction = np.array([each.direction for each in found.transversals])
-        transversals = _marker(head, "transversals", Marker.LINE_LIST, width, _TRANSVERSAL)
-        transversals.points = _points(segments_in_ball(point, direction, center, radius))
-        markers.append(transversals)
-    if len(found.isolated_points):
-        isolated = _marker(head, "isolated_points", Marker.SPHERE_LIST, 6.0 * width, _POINT)
-        isolated.points = _points(found.isolated_points)
-        markers.append(isolated)
+    transversals = _marker(head, "transversals", Marker.LINE_LIST, width, _TRANSVERSAL)
+    transversals.points = _points(segments_in_ball(*found.transversal_lines, center, radius))
+    isolated = _marker(head, "isolated_points", Marker.SPHERE_LIST, 6.0 * width, _POINT)
+    isolated.points = _points(found.isolated_points)
+    markers = [lines, transversals, isolated]
     for number, surface in enumerate(found.surfaces):
         mesh = _marker(head, "surfaces", Marker.TRIANGLE_LIST, 1.0, _SURFACE, number)
         mesh.points = _points(surface_triangles(surface, center, 0.5 * radius))

@@ -108,17 +108,20 @@ class SingularSet:
         return (*kinds, *(surface.kind for surface in self.surfaces))
 
     @cached_property
+    def transversal_lines(self) -> tuple[Array, Array]:
+        """A point [m] and the unit direction of each transversal, shapes (k, 3)."""
+        single = self.transversals
+        return np.reshape([t.point for t in single], (-1, 3)), np.reshape([t.direction for t in single], (-1, 3))
+
+    @cached_property
     def lines_and_points(self) -> tuple[Array, Array]:
         """A point [m] and the unit direction of all that is no surface, in the order of locus_names, shapes (m, 3).
 
         A point is a line whose direction is zero.
         """
-        single = self.transversals
-        point = [np.array([t.point for t in single])] if single else []
-        direction = [np.array([t.direction for t in single])] if single else []
-        point += [self.isolated_points, self.lines.point]
-        direction += [np.zeros_like(self.isolated_points), self.lines.direction]
-        return np.concatenate(point), np.concatenate(direction)
+        (point, direction), points, lines = self.transversal_lines, self.isolated_points, self.lines
+        no_direction = np.zeros_like(points)
+        return np.concatenate([point, points, lines.point]), np.concatenate([direction, no_direction, lines.direction])
 
     def distance_arrays(self, camera_center: npt.ArrayLike) -> DistanceArrays:
         """Return the distances to all parts of the set in the order of locus_names; for every control cycle.

@@ -65,8 +65,7 @@ class ApproachTable:
         self._left_out = self._kinds.index(Kind.OBSERVED_LINE), len(found.lines)
         self._is_empty = len(self._kinds) == len(found.lines)
         self._direction = np.zeros((len(self._kinds), 3))
-        for i, transversal in enumerate(found.transversals):
-            self._direction[i] = transversal.direction
+        self._direction[: len(found.transversals)] = found.transversal_lines[1]
 
     def nearest(self, arrays: DistanceArrays) -> LocusDistance | None:
         """Return the nearest part, or None if there is none."""
