@@ -10,6 +10,7 @@ from strategies import numbers, seen_lines, vectors
 
 from plsing_ros.features import factorised, interaction_matrix
 from plsing_ros.geometry import LineSet
+from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.laws.inverses import (
     adaptive_damping,
     dls_factors,
@@ -19,6 +20,8 @@ from plsing_ros.servoing.laws.inverses import (
     pose_shares,
     smooth_step,
 )
+from plsing_ros.servoing.laws.twist_law import law_twist
+from plsing_ros.servoing.target import TargetView
 
 lines_and_right_side = seen_lines(min_size=3, max_size=6).flatmap(
     lambda lines: st.tuples(st.just(interaction_matrix(lines)), vectors(3 * len(lines), -2.0, 2.0))
@@ -113,6 +116,35 @@ def test_the_limit_sets_in_without_a_jump():
     just_lost = limited_amplitudes(amplitudes, np.array([1.0, 1, 1, 1, 1, 1.0 - 1e-9]), 1.0, 0.0)
     np.testing.assert_array_equal(just_lost, amplitudes)
     np.testing.assert_array_equal(limited_amplitudes(amplitudes, np.array([1.0, 1, 1, 1, 1, 0.0]), 1.0, 0.0)[5], 0.0)
+
+
+@pytest.mark.parametrize(("others", "rest"), [(0.0, 0.0), (0.3, 0.03)])
+def test_a_nearly_lost_motion_may_be_a_share_of_the_rest_and_creeps_without(others, rest):
+    """The limit of docs/controller.md, by hand: the last singular value is at a quarter of the onset."""
+    chosen = ControllerParameters(target_source="topic", law="guarded", guard_lost_share=2.0, max_linear_speed=0.4)
+    L = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.125])
+    error = np.array([others, 0.0, 0.0, 0.0, 0.0, -1.0])
+    asked = law_twist(chosen, L, np.zeros(6), error, None, TargetView(np.zeros(6), None, np.ones(6)))
+    h = 3.0 / 16.0 - 2.0 / 64.0
+    expected = [-0.1 * others, 0.0, 0.0, 0.0, 0.0, (2.0 * rest + 0.004) * h / (1.0 - h)]
+    np.testing.assert_allclose(asked.twist, expected, rtol=1e-12, atol=1e-15)
+    assert asked.health == pytest.approx(0.25)
+
+
+def test_the_guard_looks_at_the_present_L_whatever_is_inverted():
+    chosen = ControllerParameters(target_source="topic", law="guarded", interaction="mean")
+    image = np.array([1.0, 0.0, 0.2, 0.0, 1.0, -0.3])
+    there = TargetView(image, np.eye(6), np.ones(6))
+    asked = law_twist(chosen, np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.1]), image, np.zeros(6), None, there)
+    assert asked.values[-1] == pytest.approx(0.5)
+    assert asked.health == pytest.approx(0.2)
+
+
+def test_without_3_d_lines_of_the_target_a_ten_thousandth_of_the_largest_singular_value_stands_in():
+    chosen = ControllerParameters(target_source="topic", law="dls", damping=0.5)
+    L = np.diag([4.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    asked = law_twist(chosen, L, np.zeros(6), np.zeros(6), None, TargetView(np.zeros(6), None, None))
+    assert asked.damping == pytest.approx(0.5 * 1e-4 * 4.0)
 
 
 @given(ratio=st.floats(-2.0, 3.0))
