@@ -32,6 +32,8 @@ def test_a_change_must_last():
     assert levels_of([2, 0.5, 0.5, 2, 0.5, 0.5, 0.5], slow) == [*[OK] * 6, WARN]
     assert levels_of([0.5, 2, 0.5, 2, 2], slow) == [*[WARN] * 4, OK]
     assert levels_of([2, 0.05, 0.05, 0.05, 2, 0.5], slow) == [OK, OK, OK, CRITICAL, CRITICAL, WARN]
+    # A single good number does not decide how far down to go.
+    assert levels_of([0.05, 0.5, 2], slow) == [CRITICAL, CRITICAL, WARN]
 
 
 def test_the_first_number_counts_at_once():
