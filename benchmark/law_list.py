@@ -20,6 +20,7 @@ class Law:
         threshold: Of pinv.
         damping: Of dls; onset and largest_damping: of adaptive_dls and guarded.
         pose_onset: Of image_and_pose.
+        largest_scale_error: Of image_and_pose; 0: the scale of 3-D lines is taken as right.
         limits: Of |v| [m/s] and |omega| [rad/s], one factor for both.
         follows: Whether a planned way is followed.
     """
@@ -35,6 +36,7 @@ class Law:
     guard_floor: float = 0.2
     guard_lost_share: float = 1.0
     pose_onset: float = 0.05
+    largest_scale_error: float = 0.2
     limits: tuple[float, float] = (np.inf, np.inf)
     follows: bool = False
 
@@ -52,6 +54,7 @@ class Law:
             "guard.floor": self.guard_floor,
             "guard.lost_share": self.guard_lost_share,
             "detour.pose_onset": self.pose_onset,
+            "detour.largest_scale_error": self.largest_scale_error,
             "max_linear_speed": 0.0 if np.isinf(self.limits[0]) else self.limits[0],
             "max_angular_speed": 0.0 if np.isinf(self.limits[1]) else self.limits[1],
             "gain": GAIN,

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.law_batch import Batch
 from benchmark.law_list import Law, feedback, guard, saturated
+from benchmark.law_scale import Scales
 from benchmark.law_ways import Ways
 from benchmark.servo_tasks import in_camera, mean_rotations, seen
 
@@ -91,6 +92,7 @@ def run(
     kept = np.full(k, np.inf)
     arrived, time_taken = np.zeros(k, dtype=bool), np.full(k, seconds)
     ways = Ways(batch, *planned_goal, *goal_lines) if law.follows else None
+    scales = Scales(batch, law.largest_scale_error) if law.follows and not batch.taught else None
     squares, turn_squares, counted = np.zeros(k), np.zeros(k), 0
     rng = np.random.default_rng(seed)
     alive = np.ones(k, dtype=bool)
@@ -120,7 +122,10 @@ def run(
         desired, desired_L = goal_image[rows], goal_L[rows]
         feedforward, away = np.zeros((2, len(rows), 6))
         if ways is not None or law.inverse == "guarded":
-            here = _placed(*(each[rows] for each in (*map_lines, batch.weight, u, m)))
+            known = tuple(each[rows] for each in (*map_lines, batch.weight))
+            here = _placed(*known, u[rows], m[rows])
+            if scales is not None:
+                here = _placed(*known, u[rows], m[rows] / scales.factors(rows, here[0], u[rows], m[rows]))
         if ways is not None:
             desired, desired_L, feedforward, R_asked, t_asked = ways.reference(rows, *here, image)
             away = _displacement(R_asked, t_asked, *here)

@@ -232,8 +232,15 @@ if __name__ == "__main__":
     for each in fields(ErrorSizes):
         option = "--" + each.name.replace("_", "-")
         parser.add_argument(option, type=float, default=each.default, help=f"constant error {each.metadata['help']}")
+    parser.add_argument(
+        "--largest-scale-error", type=float, default=LAWS[-1].largest_scale_error, help="of the 3-D lines, for detour"
+    )
     parser.add_argument("--taught", action="store_true", help="give goals by what is seen there, not as poses")
     options = parser.parse_args()
-    chosen = tuple(law for law in LAWS if not options.laws or law.name in options.laws)
+    chosen = tuple(
+        replace(law, largest_scale_error=options.largest_scale_error)
+        for law in LAWS
+        if not options.laws or law.name in options.laws
+    )
     errors = ErrorSizes(**{each.name: getattr(options, each.name) for each in fields(ErrorSizes)})
     study(options.seed, options.tasks, tuple(options.noise), chosen, errors, options.taught)

@@ -162,6 +162,14 @@ class LawParameters(TaskParameters):
         minimum=0.0,
         maximum=1000.0,
     )
+    detour_largest_scale_error: float = parameter(
+        0.2,
+        "detour.largest_scale_error",
+        "detour, to a target pose: a common scale of the 3-D lines that clearly contradicts the scene is corrected, by "
+        "this share at most; 0: it is taken as right (docs/laws.md)",
+        minimum=0.0,
+        maximum=0.9,
+    )
     max_linear_speed: float = parameter(
         0.0,
         "max_linear_speed",

@@ -8,7 +8,7 @@ import pytest
 from plsing_ros.experiments import near_transversal
 from plsing_ros.experiments.config_files import config_file
 from plsing_ros.features import LineObservation, LinesVerdict
-from plsing_ros.geometry import Pose
+from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.line_servo import LineServo
@@ -26,18 +26,19 @@ FOOT = TRANSVERSAL.point + TRANSVERSAL.direction * (TRANSVERSAL.direction @ (STA
 NEAR = Pose(START.rotation, FOOT + 0.15 * (START.translation - FOOT))
 
 
-def seen(pose, verdict=LinesVerdict.GIVEN):
-    observation = LineObservation.of_lines(LINES.transformed(pose.inverse(), "camera"))
+def seen(pose, verdict=LinesVerdict.GIVEN, depth=1.0):
+    true = LINES.transformed(pose.inverse(), "camera")
+    observation = LineObservation.of_lines(LineSet(true.direction, depth * true.moment, true.frame, true.ids))
     return dataclasses.replace(observation, verdict=verdict, verdict_reason="why")
 
 
-def answers(servo, first, pose=START, verdict=LinesVerdict.GIVEN, late=0, frames=3):
+def answers(servo, first, pose=START, verdict=LinesVerdict.GIVEN, late=0, frames=3, depth=1.0):
     """Answer some frames, the camera standing still; what is said and done, as values to compare."""
     result = []
     for k in range(first, first + frames):
         stamp = NOW + k * STEP
         servo.gate.receive(int(Level.WARN), "near", stamp - 5 * 10**6, stamp)
-        command = servo.step(seen(pose, verdict), stamp, stamp + late)
+        command = servo.step(seen(pose, verdict, depth), stamp, stamp + late)
         result.append((command.mode, command.reason, *command.output, command.scale, command.gain))
     return result
 
@@ -71,6 +72,7 @@ CASES = [
     ("detour.angular_speed", 1e-3, {"law": "detour"}, {}),
     ("detour.replan_distance", 1e-3, {"law": "detour"}, {"frames": 60}),
     ("detour.pose_onset", 10.0, {"law": "detour"}, {"frames": 60}),
+    ("detour.largest_scale_error", 0.0, {"law": "detour"}, {"depth": 1.05}),
     ("max_linear_speed", 1e-3, {}, {}),
     ("max_angular_speed", 1e-6, {}, {}),
     ("converged_error", 1.0, {}, {}),

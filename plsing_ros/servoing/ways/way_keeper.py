@@ -10,6 +10,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.line_scale import LineScale
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.servoing.scene_loci import SceneLoci
 from plsing_ros.servoing.ways.camera_path import SpeedLimits
@@ -44,6 +45,7 @@ class WayKeeper:
         self._loci = loci
         self._target = T_scene_target
         self._lines = lines_target.transformed(T_scene_target, loci.lines.frame)
+        self._scale = LineScale(loci.lines)
         self._follower: WayFollower | None = None
         # Where the camera should be: on the way, or where the plan was refused.
         self._expected = T_scene_target
@@ -68,7 +70,7 @@ class WayKeeper:
         Raises:
             ObservationError: If the lines do not tell where the camera is, or too few have an image on the way.
         """
-        pose = self._loci.camera_pose(seen)
+        pose = self._camera_pose(parameters, seen)
         if pose is None:
             raise ObservationError(
                 "the observed lines do not fit the scene, so the camera's place on the way is unknown"
@@ -86,6 +88,21 @@ class WayKeeper:
         reference = self._follower.reference()
         self._expected = reference.T_scene_camera
         return reference, pose
+
+    def _camera_pose(self, parameters: ControllerParameters, seen: LineSet) -> Pose | None:
+        """Return T_scene_camera by lines of the right scale.
+
+        A target that was shown has the wrong scale in it too, and is reached by it.
+        """
+        pose = self._loci.camera_pose(seen)
+        largest = parameters.detour_largest_scale_error
+        if pose is None or largest == 0.0 or parameters.target_source != "pose":
+            return pose
+        self._scale.add(seen, pose.rotation)
+        factor = self._scale.factor(largest)
+        if factor == 1.0:
+            return pose
+        return self._loci.camera_pose(LineSet(seen.direction, seen.moment / factor, seen.frame, seen.ids))
 
     def _is_elsewhere(self, pose: Pose, ids: tuple[int, ...], image: Array, distance: float) -> bool:
         """Return whether the camera is farther than a distance from its place on the way.

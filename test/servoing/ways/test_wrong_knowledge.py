@@ -60,9 +60,16 @@ def test_a_target_that_was_shown_is_reached_whatever_the_map(lines, depth):
     assert len(plans) == 1
 
 
+@pytest.mark.parametrize(("largest", "left"), [(0.2, (0.0, 1e-4)), (0.03, (0.03, 0.3)), (0.0, (0.1, 1.0))])
+def test_a_target_pose_is_reached_with_3d_lines_of_the_wrong_scale_as_far_as_it_may_be_corrected(largest, left):
+    end, plans = run(controller(LINES, **{"detour.largest_scale_error": largest}), START, 600, depth=1.05)
+    assert left[0] <= np.linalg.norm(end.translation - GOAL.translation) <= left[1]
+    assert len(plans) == 1
+
+
 def test_a_pose_that_is_off_by_more_than_a_new_plan_takes_is_no_reason_for_one():
     start, goal = (Pose.looking_at(center, (0.0, 0.0, 0.0)) for center in ((4.0, 1.0, 0.0), (4.0, -0.5, 0.5)))
-    servo, depth = controller(MANY, goal), 1.15
+    servo, depth = controller(MANY, goal, **{"detour.largest_scale_error": 0.0}), 1.15
     off = np.linalg.norm(goal.translation) * (depth - 1.0)
     assert off > 1.5 * servo.parameters.detour_replan_distance
     end, plans = run(servo, start, 600, depth, lines=MANY)
@@ -72,7 +79,7 @@ def test_a_pose_that_is_off_by_more_than_a_new_plan_takes_is_no_reason_for_one()
 
 @pytest.mark.parametrize("depth", [1.0, 1.1])
 def test_a_camera_that_was_carried_away_is_one(depth):
-    servo = controller(LINES)
+    servo = controller(LINES, **{"detour.largest_scale_error": 0.0})
     _, before = run(servo, START, 100, depth)
     _, after = run(servo, ELSEWHERE, 300, depth, first=100)
     assert len(before) == len(after) == 1
