@@ -44,7 +44,7 @@ def assert_all_finite_and_zero_unless_moving(loop):
 
 
 def test_silence_is_zero_without_end_or_as_often_as_asked(ros, paper):
-    loop = ControllerLoop(ros, paper, features_timeout=0.25, zero_twists=3, watchdog_period=0.01)
+    loop = ControllerLoop(ros, paper, features_timeout=0.5, zero_twists=3, watchdog_period=0.01)
     assert_servoes(loop)
     loop.twists.clear()
     ros.spin_until(lambda: len(loop.twists) >= 3, "three zero twists")

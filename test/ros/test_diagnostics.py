@@ -24,7 +24,7 @@ def test_every_node_reports_once_a_second(ros, paper, node):
 
 def test_a_controller_that_servoes_and_one_that_starves(ros, paper):
     diagnostics = ros.collect(DiagnosticArray, "/diagnostics", qos.STATUS)
-    ros.add(Controller, paper, {"features_timeout": 0.1})
+    ros.add(Controller, paper, {"features_timeout": 0.5})
     simulator = ros.add(FeatureSimulator, paper)
 
     def latest(name):

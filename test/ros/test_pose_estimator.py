@@ -95,7 +95,7 @@ def test_features_that_give_no_pose_are_answered_with_the_reason_only(loop, spoi
 
 
 def test_silence_is_told_and_the_node_recovers(ros, paper):
-    loop = EstimatorLoop(ros, paper, features_timeout=0.3)
+    loop = EstimatorLoop(ros, paper, features_timeout=0.5)
     assert loop.state_of(CALM).verdict == PoseEstimate.OK
     ros.spin_until(lambda: loop.states[-1].verdict == PoseEstimate.FAILED, "the silence to be told")
     assert "no features for" in loop.states[-1].reason

@@ -118,7 +118,7 @@ def test_without_any_features_it_says_so(loop):
 
 
 def test_features_that_stop_are_stale_and_the_old_numbers_are_gone(ros, paper):
-    loop = MonitorLoop(ros, paper, features_timeout=0.2, heartbeat_period=0.05)
+    loop = MonitorLoop(ros, paper, features_timeout=0.5, heartbeat_period=0.05)
     loop.status_at(start_pose(1))
     loop.ros.spin_until(
         lambda: loop.statuses[-1].level == loop.alerts[-1].level == SingularityStatus.STALE, "the heartbeat to notice"
