@@ -46,6 +46,10 @@ class Thresholds:
         """The first level is entered below this."""
         return max(self.warn, self.critical)
 
+    def off(self, level: Level) -> bool:
+        """Return whether no value enters a level, WARN or CRITICAL."""
+        return (self.critical if level == Level.CRITICAL else self.warn) == 0.0 and level != Level.OK
+
     def entered(self, value: float) -> Level:
         """Return the level that a value enters by itself."""
         if value < self.critical:
@@ -93,8 +97,9 @@ class Latch:
     def update(self, value: float, thresholds: Thresholds, debounce: Debounce) -> Level:
         """Return the level after one more number."""
         entered = thresholds.entered(value)
-        if self._level is None:
-            self._level = entered
+        if self._level is None or thresholds.off(self._level):
+            # Also where a level was switched off while it was in force: there is nothing any more to stay below.
+            self._level, self._raising, self._lowering = entered, 0, 0
             self.calm = entered == Level.OK
             return entered
         kept = max(entered, thresholds.kept(value, self._level))

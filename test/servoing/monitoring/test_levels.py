@@ -45,6 +45,15 @@ def test_a_threshold_of_zero_is_off(value):
     assert levels_of([2.0, value], thresholds=Thresholds(0.0, 0.0)) == [OK, OK]
 
 
+@pytest.mark.parametrize("value", [0.05, 0.5, 2.0])
+@pytest.mark.parametrize("then", [Thresholds(0.0, 0.0), Thresholds(1.0, 0.0)], ids=["both", "critical"])
+def test_a_level_that_is_switched_off_while_it_is_in_force_ends_at_once(value, then):
+    latch, slow = Latch(), Debounce(100, 100)
+    assert latch.update(0.05, THRESHOLDS, slow) is CRITICAL
+    level = latch.update(value, then, slow)
+    assert level is then.entered(value) and latch.calm is (level is OK)
+
+
 @pytest.mark.parametrize("thresholds", [Thresholds(1.0, 0.0), Thresholds(0.0, 1.0)], ids=["warn", "critical"])
 @pytest.mark.parametrize("spread", [1e-3, 0.1, 0.5])
 @pytest.mark.parametrize("seed", range(5))

@@ -127,6 +127,14 @@ def test_thresholds_of_the_growth_expected():
         assert rig.servo(1, rig.pose).level is expected, changes
 
 
+def test_the_growth_expected_is_switched_off_while_it_alerts():
+    rig = Rig(prediction__horizon=1.0, warn__speed_growth=1e-6, debounce__lower=100)
+    assert rig.servo(20).level is Level.WARN
+    rig.set({"warn.speed_growth": 0.0})
+    found = rig.servo(1, rig.pose)
+    assert found.level is Level.OK and "speed" not in found.reason
+
+
 def scene_moved(rig):
     before = rig.see().locus_distances
     rig.set({"lines.points": rig.scene.point.ravel() + 0.1})
@@ -190,7 +198,7 @@ def raised_at_once(rig):
 def lowered_at_once(rig):
     rig.set({"debounce.lower": 100, "warn.transversal_distance": 10.0})
     rig.see()
-    rig.set({"warn.transversal_distance": 0.0})
+    rig.set({"warn.transversal_distance": 0.01})
     assert rig.level() is Level.WARN
     rig.set({"debounce.lower": 2})
     assert rig.level() is Level.OK
