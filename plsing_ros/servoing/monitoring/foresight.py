@@ -64,7 +64,8 @@ class Foresight:
             return
         # A motion begins when the camera leaves its rest; that speed is what growth refers to. A camera that only turns
         # for an instant does not rest.
-        if self._first_speed == 0.0 or stamp - self._moved > _REST:
+        # Also after a twist that was stamped far ahead, by whatever clock: it says nothing about the present.
+        if self._first_speed == 0.0 or abs(stamp - self._moved) > _REST:
             self._first_speed = speed
         self._moved = stamp
 

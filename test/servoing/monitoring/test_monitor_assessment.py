@@ -128,6 +128,14 @@ def test_a_speed_that_passes_zero_is_no_new_start():
     assert monitor._foresight._first_speed == pytest.approx(0.02)
 
 
+def test_a_single_twist_from_the_future_is_no_start_of_all_motions_until_then():
+    monitor = monitor_for(TARGET)
+    monitor.receive_twist([5.0, 0, 0, 0, 0, 0], NOW + 10**6 * STEP)
+    found, expected = (servo(each, START_2, TARGET, 220) for each in (monitor, monitor_for(TARGET)))
+    assert [each.level for each in found] == [each.level for each in expected]
+    assert any("speed expected in" in each.reason for each in found)
+
+
 @pytest.mark.parametrize(
     ("verdict", "expected"),
     [
