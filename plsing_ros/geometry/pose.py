@@ -136,6 +136,22 @@ class Pose:
         return Pose(rotation, translation)
 
 
+def checked_twist(name: str, value: npt.ArrayLike) -> Array:
+    """Return a twist (v, omega) as a read-only array, shape (6,) [m/s, rad/s], after checking it.
+
+    Args:
+        name: What it is, for the message.
+        value: Anything numpy turns into six floats.
+
+    Raises:
+        GeometryError: If value is not six finite numbers, or one is beyond 1e50 m/s or rad/s, whose squares overflow.
+    """
+    twist = checked_array(name, value, (6,))
+    if max(map(abs, twist.tolist())) > FARTHEST:
+        raise GeometryError(f"{name} is {twist.tolist()}; up to {FARTHEST:.0e} m/s or rad/s can be computed with")
+    return twist
+
+
 def checked_position(name: str, value: npt.ArrayLike) -> Array:
     """Return a position as a new, read-only array, shape (3,) [m], after checking it.
 

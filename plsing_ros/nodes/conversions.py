@@ -18,9 +18,10 @@ from plsing_msgs.msg import (
     SingularLoci,
 )
 from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
-from plsing_ros.arrays import Array, checked_array
+from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.servoing.command import Command
 from plsing_ros.servoing.monitoring.assessment import Assessment
 from plsing_ros.servoing.monitoring.levels import Level
@@ -155,14 +156,14 @@ def twist_from_message(message: TwistStamped, frame: str) -> Array:
     """Return (v, omega), shape (6,).
 
     Raises:
-        GeometryError: If a value is not finite, or the twist is in another frame.
+        GeometryError: If a value is not finite or beyond 1e50, or the twist is in another frame.
     """
     if message.header.frame_id != frame:
         raise GeometryError(
             f"cmd_twist is in frame '{message.header.frame_id}', expected '{frame}' (parameter camera_frame)"
         )
     linear, angular = message.twist.linear, message.twist.angular
-    return checked_array("cmd_twist", [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z], (6,))
+    return checked_twist("cmd_twist", [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
 
 
 def point_message(point: Array) -> Point:

@@ -86,9 +86,10 @@ def test_a_twist_for_another_frame_does_not_step(ros, paper, topics):
         ([np.nan, 0, 0, 0, 0, 0], CAMERA_FRAME, "cmd_twist[0] is nan"),
         ([0, 0, 0, 0, 0, -np.inf], CAMERA_FRAME, "cmd_twist[5] is -inf"),
         (TWIST, "base_link", "frame 'base_link', expected 'camera_optical_frame'"),
-        ([1e308, 1e308, 0, 1e308, 0, 0], CAMERA_FRAME, "m or rad; allowed are 1e+09"),
+        ([1e12, 0, 0, 0, 0, 0], CAMERA_FRAME, "m or rad; allowed are 1e+09"),
+        ([1e308, 1e308, 0, 1e308, 0, 0], CAMERA_FRAME, "up to 1e+50 m/s or rad/s can be computed with"),
     ],
-    ids=["nan", "infinity", "other frame", "overflow"],
+    ids=["nan", "infinity", "other frame", "too far", "overflow"],
 )
 def test_a_twist_that_cannot_be_used_is_refused_and_the_camera_stays(ros, paper, topics, values, frame, reason):
     ros.add(FeatureSimulator, paper, LOCKSTEP)

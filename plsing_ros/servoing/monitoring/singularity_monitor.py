@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array
+from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation, conditioning, interaction_factors
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.servoing.freshness import Freshness
 from plsing_ros.servoing.monitoring.approach import Approach, ApproachTable, Trend
@@ -114,9 +115,9 @@ class SingularityMonitor:
         """Take the commanded twist of the camera in its optical frame, shape (6,) [m/s, rad/s], at a stamp [ns].
 
         Raises:
-            GeometryError: If it is not six finite numbers.
+            GeometryError: If it is not six finite numbers, or one is beyond 1e50.
         """
-        self._foresight.receive_twist(checked_array("twist", twist, (6,)), stamp, self._parameters.least_speed)
+        self._foresight.receive_twist(checked_twist("twist", twist), stamp, self._parameters.least_speed)
 
     def assess(self, observation: LineObservation, stamp: int, now: int) -> Assessment | None:
         """Return the assessment of an observation, or None if it is refused (too old, out of order) among good ones.

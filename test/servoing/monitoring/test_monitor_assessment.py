@@ -249,8 +249,19 @@ def test_a_pose_asked_for_is_judged_and_changes_nothing():
 
 
 def test_a_twist_that_is_not_one_is_refused():
-    with pytest.raises(GeometryError, match="twist"):
-        monitor_for().receive_twist([0, 0, 0, 0, 0, np.nan], NOW)
+    for value in (np.nan, -np.inf, 1e308, -1e51):
+        with pytest.raises(GeometryError, match="twist"):
+            monitor_for().receive_twist([0, 0, 0, value, 0, 0], NOW)
+
+
+@pytest.mark.parametrize("v", [[1e50] * 6, [-1e50, 1e50, 0, 0, 0, 0], [1e-200] * 6])
+def test_every_number_is_finite_whatever_the_twist(v):
+    monitor = monitor_for(TARGET)
+    for i in range(4):
+        monitor.receive_twist(v, NOW + i * STEP)
+        found = monitor.assess(seen(START.moved([0.1 * i, 0, 0, 0, 0, 0], 0.04)), NOW + i * STEP, NOW + i * STEP)
+        assert found.approach is None or np.isfinite([found.approach.time, found.approach.distance]).all()
+        assert found.reason
 
 
 def test_thresholds_in_the_wrong_order_are_refused():
