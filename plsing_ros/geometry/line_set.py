@@ -12,7 +12,7 @@ import numpy.typing as npt
 from plsing_ros import kernels
 from plsing_ros.arrays import Array, checked_array, cross, shaped_array
 from plsing_ros.errors import GeometryError
-from plsing_ros.geometry.pose import Pose
+from plsing_ros.geometry.pose import Pose, checked_position
 
 # Rounding of (direction, moment) through a float64 message and back stays far below this; a row that violates it
 # does not come from rounding.
@@ -73,12 +73,14 @@ class LineSet:
             ids: One distinct integer for each line; 1 to n if not given.
 
         Raises:
-            GeometryError: If a value is not finite, a shape is wrong, a direction is zero, or an id is repeated or no
-                integer.
+            GeometryError: If a value is not finite, a shape is wrong, a direction is zero, a point is beyond 1e50 m, or
+                an id is repeated or no integer.
         """
         point = checked_array("points", points, (None, 3))
         direction = checked_array("directions", directions, (len(point), 3))
         checked_ids = _checked_ids(tuple(ids), len(point))
+        for line, position in zip(checked_ids, point, strict=True):
+            checked_position(f"the point of line {line}", position)
         # Two divisions, so that neither a tiny nor a huge direction under- or overflows on the way to unit length.
         largest = np.abs(direction).max(axis=1, keepdims=True) if len(direction) else np.ones((0, 1))
         if (largest == 0.0).any():

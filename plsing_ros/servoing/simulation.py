@@ -65,8 +65,16 @@ class Simulation:
         self._observation = self._observe()
 
     def apply(self, parameters: SimulatorParameters) -> None:
-        """Use a changed scene and noise from the next frame on, and a changed start pose at the next reset."""
-        self._camera.lines = parameters.lines()
+        """Use a changed scene and noise from the next frame on, and a changed start pose at the next reset.
+
+        Raises:
+            GeometryError: If the scene is too far away to be seen from there, or from where the camera is.
+        """
+        lines = parameters.lines()
+        # Whatever raises comes first, and not in a frame.
+        for pose in (self._camera.T_world_camera, parameters.start_pose()):
+            lines.transformed(pose.inverse(), parameters.camera_frame)
+        self._camera.lines = lines
         self._camera.noise = parameters.noise
         self._camera.noise_on = parameters.noise_on
         self._parameters = parameters

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from builders import CAMERA_FRAME, SCENE, start_pose, time_of, twist
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from scipy.linalg import expm
 from std_srvs.srv import Trigger
@@ -111,6 +112,15 @@ def test_reset_goes_back_to_the_start_but_not_in_time(ros, paper, topics):
     ros.spin_until(lambda: topics.states[-1].step == 0, "the reset")
     np.testing.assert_allclose(pose_of(topics.poses[-1]).translation, start_pose(2).translation)
     assert topics.features[-1].header.stamp == time_of(1.08)
+
+
+def test_a_start_or_a_scene_that_cannot_be_seen_is_refused_and_the_next_reset_goes_well(ros, paper):
+    node = ros.add(FeatureSimulator, paper, LOCKSTEP)
+    turned = {"start.orientation": [0.0, 0.0, np.sin(0.4), np.cos(0.4)]}
+    for values in ({"start.position": [1e50, 1e50, 1e50], **turned}, {"lines.points": [1e308] * 12}):
+        results = node.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
+        assert not results.successful and "can be computed with" in results.reason
+    assert ros.call(Trigger, "feature_simulator/reset", Trigger.Request()).success
 
 
 def test_noise_is_seeded_and_of_the_stated_size(ros, paper, topics):
