@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections import Counter
 from dataclasses import dataclass, field
 from itertools import compress
 
@@ -59,10 +60,8 @@ class LineObservation:
     def __post_init__(self) -> None:
         n = len(self.ids)
         if len(set(self.ids)) != n:
-            repeated = sorted({i for i in self.ids if self.ids.count(i) > 1})
-            raise ObservationError(
-                f"line id {repeated[0]} occurs more than once in one observation; ids must be distinct"
-            )
+            repeated = min(i for i, times in Counter(self.ids).items() if times > 1)
+            raise ObservationError(f"line id {repeated} occurs more than once in one observation; ids must be distinct")
         image = shaped_array("image_lines", self.image_lines, (n, 3), ObservationError)
         usable = np.array(self.usable, dtype=bool)
         if usable.shape != (n,):

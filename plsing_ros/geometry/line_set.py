@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -154,7 +155,7 @@ def _checked_ids(ids: tuple[int, ...], n: int) -> tuple[int, ...]:
     if len(ids) != n:
         raise GeometryError(f"{len(ids)} ids for {n} lines; give one id for each line")
     if len(set(ids)) != n:
-        repeated = next(i for i in ids if list(ids).count(i) > 1)
+        repeated = next(i for i, times in Counter(ids).items() if times > 1)
         raise GeometryError(f"id {repeated} is given to more than one line; ids must be distinct")
     try:
         whole = tuple(int(i) for i in ids)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from plsing_ros.errors import ObservationError
+from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import LineObservation
+from plsing_ros.geometry import LineSet
 
 
 @pytest.mark.parametrize(
@@ -23,3 +24,26 @@ def test_rows_of_other_lengths_are_refused(given, message, seen):
     arrays = {name: np.array(values) for name, values in (rows | given).items()}
     with pytest.raises(ObservationError, match=message):
         LineObservation.from_rows((1, 2), frame="camera", **arrays)
+
+
+class CountedId(int):
+    """An id that counts how often ids are compared."""
+
+    compared = 0
+    __hash__ = int.__hash__
+
+    def __eq__(self, other):
+        CountedId.compared += 1
+        return int.__eq__(self, other)
+
+
+def test_a_repeated_id_among_many_is_found_without_comparing_each_to_each(monkeypatch):
+    """One big message must not occupy a node for minutes."""
+    n = 1000
+    monkeypatch.setattr(CountedId, "compared", 0)
+    ids = tuple(map(CountedId, [*range(1, n + 1), n - 1, n]))
+    with pytest.raises(ObservationError, match=f"line id {n - 1} occurs more than once"):
+        LineObservation(ids, np.tile([0.0, 1.0, 0.0], (n + 2, 1)), np.ones(n + 2, dtype=bool), None)
+    with pytest.raises(GeometryError, match=f"id {n - 1} is given to more than one line"):
+        LineSet.from_points_directions(np.zeros((n + 2, 3)), np.ones((n + 2, 3)), ids=ids)
+    assert CountedId.compared < 10 * n
