@@ -130,8 +130,12 @@ def run_nodes(
             clock=Clock(clock_type=ClockType.STEADY_TIME),
         )
         while not received:
-            # With a timeout, because without one the EventsExecutor serves nothing.
-            executor.spin_until_future_complete(stop, timeout_sec=_SPIN_TIME)
+            if isinstance(executor, SingleThreadedExecutor):
+                # Its spin_until_future_complete hangs one more function on the future for each callback it has served.
+                executor.spin_once(timeout_sec=_SPIN_TIME)
+            else:
+                # With a timeout, because without one the EventsExecutor serves nothing.
+                executor.spin_until_future_complete(stop, timeout_sec=_SPIN_TIME)
     finally:
         # After a signal, and just as well when a callback has failed.
         with ExitStack() as ending:

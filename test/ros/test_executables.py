@@ -122,6 +122,36 @@ sys.exit(run_node(create, "", ""))
     assert "Traceback" not in output_of(process)
 
 
+@pytest.mark.parametrize("executor", ["events", "single"])
+def test_a_node_does_not_grow_with_the_callbacks_it_has_served(start, executor):
+    program = """
+import gc, os, signal, sys
+from plsing_ros.nodes.controller import Controller
+from plsing_ros.nodes.run import run_node
+
+objects = []
+
+def serve():
+    if len(objects) % 200 == 0:
+        gc.collect()
+    objects.append(len(gc.get_objects()))
+    if len(objects) == 601:
+        print("grown by", objects[600] - objects[200])
+        os.kill(os.getpid(), signal.SIGTERM)
+
+def create(**options):
+    node = Controller(**options)
+    node.every(0.001, serve)
+    return node
+
+sys.exit(run_node(create, "", ""))
+"""
+    process = start(sys.executable, "-c", program, "--executor", executor, *PAPER)
+    assert process.wait(30.0) == 0, output_of(process)
+    grown = int(re.search(r"grown by (-?\d+)", output_of(process))[1])
+    assert grown < 200, "objects after 400 callbacks"
+
+
 def test_a_node_starts_though_another_was_killed_when_it_started(ros, start):
     """What the other left: a file of Fast DDS at the port of the domain's second participant, not ready for use."""
     port = Path("/dev/shm") / f"fastrtps_port{7400 + 250 * ros.domain + 11 + 2}"
