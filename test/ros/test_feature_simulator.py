@@ -148,7 +148,7 @@ def test_noise_is_seeded_and_of_the_stated_size(ros, paper, topics):
 
 def test_realtime_steps_on_its_own_and_stands_still_without_twists(ros, paper, topics):
     ros.add(FeatureSimulator, paper, {"time_step": 0.02, "twist_timeout": 0.5})
-    ros.spin_until(lambda: len(topics.features) >= 5, "frames")
+    ros.spin_until(lambda: len(topics.features) >= 5 and topics.states, "frames")
     assert topics.states[-1].reason == "no twist received yet"
     commands = ros.publisher(TwistStamped, "cmd_twist")
     commands.publish(twist(TWIST, ros.node.get_clock().now().to_msg()))

@@ -156,7 +156,9 @@ def test_a_flood_of_features_is_answered_up_to_date(loop):
         last = loop.now()
         loop.features.publish(features(CALM, last))
         loop.ros.spin_for(0.001)
-    loop.ros.spin_until(lambda: loop.statuses[-1].header.stamp == last, "the status of the last one")
+    loop.ros.spin_until(
+        lambda: loop.alerts and loop.statuses and loop.statuses[-1].header.stamp == last, "the status of the last one"
+    )
     assert loop.statuses[-1].level == SingularityStatus.OK
     levels = [each.level for each in loop.alerts]
     assert levels.count(SingularityStatus.OK) == 1

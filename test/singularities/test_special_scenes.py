@@ -291,10 +291,10 @@ def test_invalid_input_is_refused_by_the_name_of_the_line():
         LineSet.from_points_directions(np.zeros((2, 3)), [[1, 0, 0], [0, 0, 0]], ids=[3, 7])
     with pytest.raises(GeometryError, match="points"):
         LineSet.from_points_directions([[0, np.nan, 0]], [[1, 0, 0]])
-    points, directions = PAPER_FOUR
+    lines = line_set(PAPER_FOUR)
     with pytest.raises(GeometryError, match="line 2: its moment is"):
-        singular_set(line_set((np.array(points) * [[1], [1e60], [1], [1]], directions)))
-    found = singular_set(line_set(PAPER_FOUR))
+        singular_set(LineSet(lines.direction, lines.moment * [[1], [1e60], [1], [1]], "world"))
+    found = singular_set(lines)
     for wrong in ([0, 1], [0, 0, np.inf], "here", [0, -1e200, 0]):
         for ask in (found.distances, found.lost_motions):
             with pytest.raises(GeometryError, match="camera_center"):
