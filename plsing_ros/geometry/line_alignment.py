@@ -67,13 +67,20 @@ def matched(scene: LineSet, seen: LineSet) -> LineSet:
     Raises:
         GeometryError: If a seen line is not in the scene.
     """
-    if seen.ids == scene.ids:
-        return scene
+    return scene if seen.ids == scene.ids else scene.select(matched_rows(scene, seen))
+
+
+def matched_rows(scene: LineSet, seen: LineSet) -> list[int]:
+    """Return the row of each seen line in the scene.
+
+    Raises:
+        GeometryError: If a seen line is not in the scene.
+    """
     row_of = {i: row for row, i in enumerate(scene.ids)}
     unknown = [i for i in seen.ids if i not in row_of]
     if unknown:
         raise GeometryError(f"line id {unknown[0]} is not in the scene, whose ids are {list(scene.ids)}")
-    return scene.select([row_of[i] for i in seen.ids])
+    return [row_of[i] for i in seen.ids]
 
 
 def reversed_lines(scene: LineSet, seen: LineSet, rotation: Array) -> tuple[int, ...]:

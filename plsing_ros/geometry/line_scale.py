@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from plsing_ros.arrays import Array
-from plsing_ros.geometry.line_alignment import matched
+from plsing_ros.geometry.line_alignment import matched_rows
 from plsing_ros.geometry.line_set import LineSet
 
 # A scale is taken as right up to so many of its standard deviations.
@@ -36,7 +36,6 @@ class LineScale:
             scene: The lines in the scene frame.
         """
         self._scene = scene
-        self._row_of = {i: row for row, i in enumerate(scene.ids)}
         # Of moments about the nearest point, those of the scene and those seen.
         self._expected, self._found = np.zeros((2, len(scene), 3))
         self._was_seen = np.zeros(len(scene), dtype=bool)
@@ -56,8 +55,8 @@ class LineScale:
             GeometryError: If a seen line is not in the scene.
         """
         if self._latest is None or self._latest[0] != seen.ids:
-            expected = _about_nearest_point(matched(self._scene, seen))
-            self._latest = seen.ids, [self._row_of[i] for i in seen.ids], expected
+            rows = matched_rows(self._scene, seen)
+            self._latest = seen.ids, rows, _about_nearest_point(self._scene.select(rows))
         _, rows, expected = self._latest
         found = _about_nearest_point(seen) @ rotation.T
         if math.isfinite(float(np.vdot(found, found))):
