@@ -1,3 +1,5 @@
+import importlib.util
+import sysconfig
 from pathlib import Path
 
 from setuptools import Extension, find_packages, setup
@@ -5,6 +7,20 @@ from setuptools import Extension, find_packages, setup
 NAME = "plsing_ros"
 SHARE = Path("share") / NAME
 KERNELS = Path(NAME) / "kernels"
+CORE = Path(NAME) / "_core"
+
+
+def header_folders() -> list[str]:
+    """Return where Eigen and pybind11 are: in wheels if they are installed, else in the system's folder."""
+    folders = ["/usr/include/eigen3"]
+    eigen = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix" / "include" / "eigen3"
+    if eigen.is_dir():
+        folders.insert(0, str(eigen))
+    if importlib.util.find_spec("pybind11"):
+        import pybind11
+
+        folders.insert(0, pybind11.get_include())
+    return folders
 
 
 def config_files() -> list[tuple[str, list[str]]]:
@@ -26,6 +42,14 @@ setup(
     ],
     package_data={NAME: ["py.typed"], f"{NAME}.kernels": ["*.pyi"]},
     ext_modules=[
+        Extension(
+            f"{NAME}._core.compiled",
+            [str(file) for file in sorted(CORE.glob("*.cpp"))],
+            include_dirs=header_folders(),
+            depends=[str(file) for file in sorted(CORE.glob("*.hpp"))],
+            language="c++",
+            extra_compile_args=["-std=c++17", "-O2", "-fvisibility=hidden"],
+        ),
         # Without a C compiler the package works all the same, slower (plsing_ros/kernels/).
         Extension(
             f"{NAME}.kernels.compiled",

@@ -394,7 +394,11 @@ def package_sources():
     linked = [*sorted((ROOT / "config").rglob("*.*")), ROOT / "plsing_ros" / "__init__.py"]
     names = "\n".join(str(path) for path in linked if path.exists())
     built = [ROOT / name for name in ("package.xml", "setup.py", "setup.cfg", "resource/plsing_ros")]
-    return names + contents([*built, *sorted((ROOT / "plsing_ros" / "kernels").glob("*.[ch]"))])
+    return names + contents([*built, *native_sources()])
+
+
+def native_sources():
+    return sorted(f for f in (ROOT / "plsing_ros").glob("*/*") if f.suffix in (".c", ".h", ".cpp", ".hpp"))
 
 
 def contents(files):
