@@ -33,7 +33,7 @@ test-noble: noble-python
 	@$(NOBLE_PYTHON) tools/environment.py --noble run python3 -m pytest $(ARGS)
 
 paper: python
-	@$(RUN) paper $(ARGS)
+	@$(RUN) python3 -m paper $(ARGS)
 
 bench: python
 	@$(RUN) python3 -m benchmark $(ARGS)

@@ -75,7 +75,6 @@ setup(
             "container = plsing_ros.nodes.container:main",
             "demo = plsing_ros.cli.demo:main",
             "analyze = plsing_ros.cli.analyze:main",
-            "paper = plsing_ros.cli.paper:main",
             "survey = plsing_ros.cli.survey:main",
         ],
     },

@@ -27,10 +27,10 @@ from benchmark.servo_tasks import STEPS, TIME_STEP, Runs, Task, random_task, run
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
+from plsing_ros.levels import Level
+from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.servoing.monitoring.levels import Level
-from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
-from plsing_ros.servoing.simulated_camera import SimulatedCamera
+from plsing_ros.simulation.simulated_camera import SimulatedCamera
 
 # Defaults were tuned on the first, and verified once on the second.
 SEEDS = (1, 2)
@@ -47,7 +47,7 @@ class _Replay:
     position: np.ndarray
     twist: np.ndarray
     noise: float
-    goal_known: bool
+    target_known: bool
     with_pose: bool
 
 
@@ -58,13 +58,13 @@ def main() -> None:
 
 
 def study(
-    seed: int, count: int, noise: float = 0.0, goal_known: bool = True, with_pose: bool = True, workers: int = 2
+    seed: int, count: int, noise: float = 0.0, target_known: bool = True, with_pose: bool = True, workers: int = 2
 ) -> None:
     """Run the tasks of a seed, replay them through the monitor, and print the result."""
     tasks = [random_task(seed, i) for i in range(count)]
     with tqdm(total=STEPS, desc=f"seed {seed}: servo runs", leave=False) as bar:
         runs = run_all(tasks, bar.update)
-    replays = [_replay(i, task, runs, noise, goal_known, with_pose) for i, task in enumerate(tasks)]
+    replays = [_replay(i, task, runs, noise, target_known, with_pose) for i, task in enumerate(tasks)]
     with ProcessPoolExecutor(workers, initializer=os.nice, initargs=(5,)) as pool:
         alerts = list(
             tqdm(pool.map(_first_alert, replays, chunksize=5), total=count, desc=f"seed {seed}: monitor", leave=False)
@@ -72,7 +72,7 @@ def study(
     print(_report(replays, seed, runs, alerts), flush=True)
 
 
-def _replay(number: int, task: Task, runs: Runs, noise: float, goal_known: bool, with_pose: bool) -> _Replay:
+def _replay(number: int, task: Task, runs: Runs, noise: float, target_known: bool, with_pose: bool) -> _Replay:
     n = runs.frames[number]
     return _Replay(
         number,
@@ -81,7 +81,7 @@ def _replay(number: int, task: Task, runs: Runs, noise: float, goal_known: bool,
         runs.position[:n, number].copy(),
         runs.twist[:n, number].copy(),
         noise,
-        goal_known,
+        target_known,
         with_pose,
     )
 
@@ -93,9 +93,9 @@ def _first_alert(replay: _Replay) -> tuple[int, str] | None:
         MonitorParameters(
             lines_points=tuple(lines.point.ravel()),
             lines_directions=tuple(lines.direction.ravel()),
-            target_known=replay.goal_known,
-            target_position=tuple(replay.task.goal.translation),
-            target_orientation=tuple(replay.task.goal.quaternion_xyzw),
+            target_known=replay.target_known,
+            target_position=tuple(replay.task.target.translation),
+            target_orientation=tuple(replay.task.target.quaternion_xyzw),
         )
     )
     camera = SimulatedCamera(lines, replay.task.start, "camera", replay.noise, replay.number)
@@ -128,11 +128,11 @@ def _report(replays: list[_Replay], seed: int, runs: Runs, alerts: list[tuple[in
     calm = speed.max(axis=0) < 2.0 * speed[0]
     leads = np.where(announced, lead, 0.0)[blew_up]
     causes = Counter(_cause(alerts[i][1]) for i in np.flatnonzero(false))
-    goal = "known" if replays[0].goal_known else "not known"
+    target = "known" if replays[0].target_known else "not known"
     pose = "camera_pose" if replays[0].with_pose else "no camera_pose"
     return "\n".join(
         [
-            f"seed {seed}: {len(blew_up)} tasks, goal {goal}, {pose}, noise {replays[0].noise:g}: "
+            f"seed {seed}: {len(blew_up)} tasks, target {target}, {pose}, noise {replays[0].noise:g}: "
             f"{blew_up.sum()} blow-ups, {(~blew_up).sum()} others",
             f"  announced            {announced.sum()} of {blew_up.sum()} ({announced.sum() / blew_up.sum():.1%})",
             f"  lead                 median {np.median(leads):.2f} s, 5th percentile {np.quantile(leads, 0.05):.2f} s",
@@ -153,8 +153,8 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=SEEDS[0])
     parser.add_argument("--tasks", type=int, default=TASKS)
     parser.add_argument("--noise", type=float, default=0.0, help="on the Plücker coordinates of the lines")
-    parser.add_argument("--no-goal", action="store_true", help="the monitor does not know the goal")
+    parser.add_argument("--no-target", action="store_true", help="the monitor does not know the target")
     parser.add_argument("--no-pose", action="store_true", help="the monitor gets no camera_pose")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     options = parser.parse_args()
-    study(options.seed, options.tasks, options.noise, not options.no_goal, not options.no_pose, options.workers)
+    study(options.seed, options.tasks, options.noise, not options.no_target, not options.no_pose, options.workers)

@@ -17,15 +17,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmark.bare_loop import BareController, BareMonitor, BareSimulator
+from benchmark.rclpy_baseline import BareController, BareMonitor, BareSimulator
 from benchmark.step_times import FRAMES, StepTimes
-from plsing_ros.experiments import near_transversal as experiment
-from plsing_ros.experiments.config_files import config_file
-from plsing_ros.nodes.controller import Controller
-from plsing_ros.nodes.feature_simulator import FeatureSimulator
-from plsing_ros.nodes.harness import Harness
-from plsing_ros.nodes.run import node_parser, run_nodes
-from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.nodes.controller import ControllerNode
+from plsing_ros.nodes.feature_simulator import FeatureSimulatorNode
+from plsing_ros.nodes.main import node_parser, run_nodes
+from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
+from plsing_ros.parameters.config_files import config_file
+from plsing_ros.simulation import near_transversal as experiment
+from plsing_ros.testing.harness import Harness
 
 TIMEOUT = 120.0  # [s]
 ROOT = Path(__file__).parents[1]
@@ -33,7 +33,7 @@ PARAMETERS = config_file("paper_p4l.yaml")
 IN_LOCKSTEP = {"mode": "lockstep", "publish_clock": True, "start.position": experiment.STARTS[0].position.tolist()}
 
 
-class TimedSimulator(FeatureSimulator):
+class TimedSimulator(FeatureSimulatorNode):
     """Notes when it makes a step."""
 
     def __init__(self, **options: Any) -> None:
@@ -70,7 +70,7 @@ class Place(NamedTuple):
 
 
 LOOPS = {
-    "ours": Nodes(Controller, SingularityMonitor, TimedSimulator, PARAMETERS, IN_LOCKSTEP),
+    "ours": Nodes(ControllerNode, SingularityMonitorNode, TimedSimulator, PARAMETERS, IN_LOCKSTEP),
     "bare": Nodes(BareController, BareMonitor, BareSimulator, None, {}),
 }
 _APART = (["simulator"], ["controller"], ["monitor"])

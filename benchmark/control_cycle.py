@@ -10,13 +10,13 @@ import numpy as np
 from benchmark import visp
 from benchmark.timing import median_seconds
 from plsing_ros import kernels
-from plsing_ros.features import LineObservation, factorised, interaction_matrix, project_lines
+from plsing_ros.control.plain_law import plain_twist
+from plsing_ros.control.servo_controller import ServoController
+from plsing_ros.features import LineObservation, decompose, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.kernels import of_numpy
+from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import ControllerParameters, MonitorParameters
-from plsing_ros.servoing.laws.plain_law import plain_twist
-from plsing_ros.servoing.line_servo import LineServo
-from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
 
 NOW = 10**12
 GAIN = 0.1
@@ -34,7 +34,7 @@ def main() -> None:
         print(f"ViSP: {peer if isinstance(peer, str) else f'{peer.version}, its own vpFeatureLine and vpServo, C++'}")
         print(f"our inner loops: {'compiled' if kernels.svd is not of_numpy.svd else 'numpy, not compiled'}\n")
         print("median of one control step [us]")
-        print("  step:    LineServo.step, with everything that its state says")
+        print("  step:    ServoController.step, with everything that its state says")
         print("  input:   LineObservation.from_rows, the checks of what comes from outside")
         print("  guarded: the same with law = guarded, where L is healthy")
         print("  core:    L, its singular value decomposition, twist, inverse condition number")
@@ -59,7 +59,7 @@ def _measured(n: int, peer: visp.Visp | str) -> dict[str, float]:
         found = median_seconds(own, rounds=20, calls=CALLS)
         if isinstance(peer, visp.Visp):
             found["ViSP"], inverse = peer.step(lines, START, TARGET)
-            ours = factorised(interaction_matrix(lines.transformed(START.inverse(), "camera")))
+            ours = decompose(interaction_matrix(lines.transformed(START.inverse(), "camera")))
             assert np.isclose(inverse, ours.inverse_condition_number, rtol=1e-6), "not the same scene"
         for name, value in found.items():
             times.setdefault(name, []).append(value)
@@ -69,7 +69,7 @@ def _measured(n: int, peer: visp.Visp | str) -> dict[str, float]:
 def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
     scene = {"lines_points": tuple(lines.point.ravel()), "lines_directions": tuple(lines.direction.ravel())}
     parameters = ControllerParameters(**scene, target_position=tuple(TARGET.translation), gain=GAIN)
-    servo, guarded = LineServo(parameters), LineServo(parameters.with_values({"law": "guarded"}))
+    servo, guarded = ServoController(parameters), ServoController(parameters.with_values({"law": "guarded"}))
     monitor = SingularityMonitor(MonitorParameters(**scene))
     monitor.receive_pose(START, NOW)
     observation = LineObservation.of_lines(lines.transformed(START.inverse(), "camera"))

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmark.law_batch import Batch
-from benchmark.law_list import Law, feedback, guard, saturated
+from benchmark.batch_simulation import Batch
+from benchmark.law_paths import Ways
 from benchmark.law_scale import Scales
-from benchmark.law_ways import Ways
+from benchmark.law_variants import Law, feedback, guard, saturated
 from benchmark.servo_tasks import in_camera, mean_rotations, seen
 
 TIME_STEP = 0.04  # [s]
@@ -27,12 +27,12 @@ class Outcome:
     """What became of k runs, each until it arrived (if it was to stop there) or time was up.
 
     Attributes:
-        arrived: Within ARRIVED and TURNED of the goal, shape (k,).
+        arrived: Within ARRIVED and TURNED of the target, shape (k,).
         seconds: How long the run took [s].
         peak, peak_turn: Largest |v| [m/s] and |omega| [rad/s] that were commanded.
-        length: Of the way gone [m].
-        farthest: Largest distance to the goal, in that of the start.
-        kept: Least distance to a locus of the true lines, as a share of what a way is to keep there (docs/laws.md).
+        length: Of the path gone [m].
+        farthest: Largest distance to the target, in that of the start.
+        kept: Least distance to a locus of the true lines, as a share of what a path is to keep there (docs/laws.md).
         final_distance, final_turn: Root mean square over the last seconds [m], [rad].
         plans: How many ways were planned, shape (k,).
         position, twist: If traces are kept, true centre and commanded twist at each step, shapes (k, 3) and (k, 6).
@@ -78,28 +78,28 @@ def run(
     R, t = batch.R.copy(), batch.t.copy()
     true_lines, map_lines = (batch.direction, batch.moment), (batch.map_direction, batch.map_moment)
     depth = batch.depth[:, np.newaxis, np.newaxis]
-    goal_lines = in_camera(*map_lines, batch.R_goal, batch.t_goal)
-    planned_goal = batch.R_goal, batch.t_goal
+    target_lines = in_camera(*map_lines, batch.R_target, batch.t_target)
+    planned_target = batch.R_target, batch.t_target
     if batch.taught:
-        u, m = in_camera(*true_lines, batch.R_goal, batch.t_goal)
-        goal_lines = u, m * depth
-        planned_goal = _placed(*map_lines, batch.weight, *goal_lines)
-    goal_image, goal_L = seen(*goal_lines, batch.weight)
-    goal_values = np.linalg.svd(goal_L.reshape(k, -1, 6), compute_uv=False)
-    reference = np.maximum(goal_values[:, -1], 1e-6 * goal_values[:, 0])
-    first = np.linalg.norm(t - batch.t_goal, axis=1)
+        u, m = in_camera(*true_lines, batch.R_target, batch.t_target)
+        target_lines = u, m * depth
+        planned_target = _placed(*map_lines, batch.weight, *target_lines)
+    target_image, target_L = seen(*target_lines, batch.weight)
+    target_values = np.linalg.svd(target_L.reshape(k, -1, 6), compute_uv=False)
+    reference = np.maximum(target_values[:, -1], 1e-6 * target_values[:, 0])
+    first = np.linalg.norm(t - batch.t_target, axis=1)
     peak, peak_turn, length, farthest = np.zeros((4, k))
     kept = np.full(k, np.inf)
     arrived, time_taken = np.zeros(k, dtype=bool), np.full(k, seconds)
-    ways = Ways(batch, *planned_goal, *goal_lines) if law.follows else None
-    scales = Scales(batch, law.largest_scale_error) if law.follows and not batch.taught else None
+    paths = Ways(batch, *planned_target, *target_lines) if law.follows else None
+    scales = Scales(batch, law.max_scale_error) if law.follows and not batch.taught else None
     squares, turn_squares, counted = np.zeros(k), np.zeros(k), 0
     rng = np.random.default_rng(seed)
     alive = np.ones(k, dtype=bool)
     result = Outcome(arrived, time_taken, peak, peak_turn, length, farthest, kept, squares, turn_squares, np.zeros(k))
     for step in range(steps):
-        distance = np.linalg.norm(t - batch.t_goal, axis=1)
-        turn = _angle(batch.R_goal, R)
+        distance = np.linalg.norm(t - batch.t_target, axis=1)
+        turn = _angle(batch.R_target, R)
         np.maximum(farthest, distance / np.maximum(first, 1e-9), out=farthest)
         np.minimum(kept, batch.kept(t), out=kept)
         if stop:
@@ -119,18 +119,18 @@ def run(
         if len(rows) == 0:
             break
         image, L = seen(u[rows], m[rows], batch.weight[rows])
-        desired, desired_L = goal_image[rows], goal_L[rows]
+        desired, desired_L = target_image[rows], target_L[rows]
         feedforward, away = np.zeros((2, len(rows), 6))
-        if ways is not None or law.inverse == "guarded":
+        if paths is not None or law.inverse == "guarded":
             known = tuple(each[rows] for each in (*map_lines, batch.weight))
             here = _placed(*known, u[rows], m[rows])
             if scales is not None:
                 here = _placed(*known, u[rows], m[rows] / scales.factors(rows, here[0], u[rows], m[rows]))
-        if ways is not None:
-            desired, desired_L, feedforward, R_asked, t_asked = ways.reference(rows, *here, image)
+        if paths is not None:
+            desired, desired_L, feedforward, R_asked, t_asked = paths.reference(rows, *here, image)
             away = _displacement(R_asked, t_asked, *here)
         error = ((image - desired) * batch.weight[rows, :, np.newaxis]).reshape(len(rows), -1)
-        inverted = desired_L if law.interaction == "desired" else L
+        inverted = desired_L if law.interaction == "target" else L
         if law.interaction == "mean":
             inverted = 0.5 * (L + _turned(desired_L, desired, image))
         parts = np.linalg.svd(inverted.reshape(len(rows), -1, 6), full_matrices=False)
@@ -143,8 +143,8 @@ def run(
             smallest = np.linalg.svd(L.reshape(len(rows), -1, 6), compute_uv=False)[:, -1]
             twist *= guard(law, *loci, velocity, smallest / reference[rows])[:, np.newaxis]
         twist, factor = saturated(twist, law.limits)
-        if ways is not None:
-            ways.advance(rows, TIME_STEP * factor)
+        if paths is not None:
+            paths.advance(rows, TIME_STEP * factor)
         speed = np.linalg.norm(twist[:, :3], axis=1)
         peak[rows] = np.maximum(peak[rows], speed)
         peak_turn[rows] = np.maximum(peak_turn[rows], np.linalg.norm(twist[:, 3:], axis=1))
@@ -156,9 +156,9 @@ def run(
         v, omega = _carried_out(batch, rows, twist * TIME_STEP)
         t[rows] += np.einsum("kij,kj->ki", R[rows], mean_rotations(omega, v))
         R[rows] = R[rows] @ Rotation.from_rotvec(omega).as_matrix()
-    if ways is not None:
-        result.plans = ways.plans
-    final, final_turn = np.linalg.norm(t - batch.t_goal, axis=1), _angle(batch.R_goal, R)
+    if paths is not None:
+        result.plans = paths.plans
+    final, final_turn = np.linalg.norm(t - batch.t_target, axis=1), _angle(batch.R_target, R)
     result.final_distance = np.sqrt(squares / counted) if counted else final
     result.final_turn = np.sqrt(turn_squares / counted) if counted else final_turn
     return result

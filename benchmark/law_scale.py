@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmark.law_batch import Batch
+from benchmark.batch_simulation import Batch
 
 
 class Scales:
     """Estimates of a batch, from all that its cameras saw so far."""
 
-    def __init__(self, batch: Batch, largest_error: float) -> None:
+    def __init__(self, batch: Batch, max_error: float) -> None:
         self._weight = batch.weight
-        self._largest_error = largest_error
+        self._max_error = max_error
         self._map = _about_nearest_points(batch.weight, batch.map_direction, batch.map_moment)
         self._size = np.maximum(np.einsum("kni,kni->k", self._map, self._map), 1e-300)
         self._seen = np.zeros_like(self._map)
@@ -23,7 +23,7 @@ class Scales:
 
         Args:
             rows: Of the batch.
-            R: Of T_scene_camera, shape (k, 3, 3).
+            R: Of T_world_camera, shape (k, 3, 3).
             u, m: Lines that are seen, shapes (k, n, 3).
         """
         weight, size, expected = self._weight[rows], self._size[rows], self._map[rows]
@@ -35,7 +35,7 @@ class Scales:
         rest = np.square(mean - (1.0 + error)[:, np.newaxis, np.newaxis] * expected).sum(axis=(1, 2))
         variance = (rest / (2.0 * weight.sum(axis=1) - 4.0) + 1e-12) / size
         share = np.maximum(0.0, 1.0 - 9.0 * variance / np.maximum(error**2, 1e-300))
-        bounded: np.ndarray = 1.0 + np.clip(share * error, -self._largest_error, self._largest_error)
+        bounded: np.ndarray = 1.0 + np.clip(share * error, -self._max_error, self._max_error)
         return bounded[:, np.newaxis, np.newaxis]
 
 

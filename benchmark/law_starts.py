@@ -15,10 +15,10 @@ import matplotlib as mpl
 import numpy as np
 from tqdm import tqdm
 
-from benchmark.law_list import LAWS
-from plsing_ros.experiments.core_run import run_in_core
-from plsing_ros.experiments.paper_tasks import STARTS_FOUR, paper_tasks
-from plsing_ros.experiments.run_record import RunRecord
+from benchmark.law_variants import LAWS
+from paper.tasks import STARTS_FOUR, paper_tasks
+from plsing_ros.simulation.run_record import RunRecord
+from plsing_ros.simulation.servo_run import run_in_core
 from plsing_ros.singularities import singular_set
 
 # Of Start 1 by the plain law: what the laws that guard or plan are held against.

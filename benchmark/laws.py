@@ -28,22 +28,22 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
+from benchmark.batch_simulation import Batch, Case
 from benchmark.constant_errors import ErrorSizes, task_errors
-from benchmark.law_batch import Batch, Case
-from benchmark.law_list import LAWS, LIMITS, Law
 from benchmark.law_runs import ARRIVED, TIME_STEP, TURNED, Outcome, noisy, run
+from benchmark.law_variants import LAWS, LIMITS, Law
 from benchmark.servo_tasks import random_task
+from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
-from plsing_ros.servoing.line_servo import LineServo
-from plsing_ros.servoing.ways.detour import DetourOptions, Plan, plan_way
+from plsing_ros.planning.detour import DetourOptions, Plan, plan_path
 from plsing_ros.singularities import singular_set
 
 SEED, TASKS, NOISE = 1, 500, 2e-3
 _SECONDS = 120.0
 _HOLDING_SECONDS = 100.0
-# With noise or constant errors, the root mean square over the last seconds must be within this of the goal.
+# With noise or constant errors, the root mean square over the last seconds must be within this of the target.
 _HELD, _HELD_TURN = 0.05, np.radians(2.0)
 _PROCESSES = 2
 _COMPARED, _COMPARED_STEPS = 8, 300
@@ -57,18 +57,18 @@ def main() -> None:
 def study(
     seed: int, count: int, noises: tuple[float, ...], laws: tuple[Law, ...], sizes: ErrorSizes, taught: bool
 ) -> None:
-    """Plan the ways, run all tasks of a seed by all laws, and print the results."""
+    """Plan the paths, run all tasks of a seed by all laws, and print the results."""
     with ProcessPoolExecutor(_PROCESSES, initializer=os.nice, initargs=(5,)) as pool:
         jobs = pool.map(partial(_prepared, seed, sizes), range(count), chunksize=5)
         cases, plans, seconds = zip(*tqdm(jobs, total=count, desc="plans"), strict=True)
         print(
-            f"seed {seed}: {count} tasks; constant errors: {sizes}; goals are {'taught' if taught else 'poses'}\n"
+            f"seed {seed}: {count} tasks; constant errors: {sizes}; targets are {'taught' if taught else 'poses'}\n"
             f"plans: {dict(Counter(plan.decision.name for plan in plans))}, "
             f"{_quantiles(1e3 * np.array(seconds), (0.5, 0.95, 1.0))} ms of CPU time each (median / 95 % / most)",
             flush=True,
         )
         batch = Batch.of(cases, taught)
-        held = Batch.of([replace(case, task=replace(case.task, start=case.task.goal)) for case in cases], taught)
+        held = Batch.of([replace(case, task=replace(case.task, start=case.task.target)) for case in cases], taught)
         for noise in noises:
             stop = noise == 0.0 and sizes == ErrorSizes()
             duration = _SECONDS if stop else _HOLDING_SECONDS
@@ -93,7 +93,7 @@ def _prepared(seed: int, sizes: ErrorSizes, number: int) -> tuple[Case, Plan, fl
     true = singular_set(task.lines)
     known = true if errors.map is task.lines else singular_set(errors.map)
     begin = time.process_time()
-    plan = plan_way(known, task.start, task.goal, DetourOptions())
+    plan = plan_path(known, task.start, task.target, DetourOptions())
     return Case(task, errors, known, true), plan, time.process_time() - begin
 
 
@@ -106,8 +106,8 @@ def _success(outcome: Outcome, stop: bool) -> np.ndarray:
 def _report(batch: Batch, laws: tuple[Law, ...], outcomes: list[Outcome], noise: float, floor: Outcome | None) -> str:
     """Return a table in Markdown, a row for each law."""
     stop = floor is None
-    straight = np.maximum(np.linalg.norm(batch.t - batch.t_goal, axis=1), 1e-9)
-    goal = f"within {1e3 * ARRIVED:g} mm and {np.degrees(TURNED):g} degrees of the goal in {_SECONDS:g} s"
+    straight = np.maximum(np.linalg.norm(batch.t - batch.t_target, axis=1), 1e-9)
+    target = f"within {1e3 * ARRIVED:g} mm and {np.degrees(TURNED):g} degrees of the target in {_SECONDS:g} s"
     headings = [
         "law",
         "success",
@@ -120,14 +120,14 @@ def _report(batch: Batch, laws: tuple[Law, ...], outcomes: list[Outcome], noise:
     if floor is None:
         headings.append("time [s]")
     else:
-        goal = (
-            f"within {_HELD:g} m and {np.degrees(_HELD_TURN):g} degrees of the goal, root mean square over the last "
+        target = (
+            f"within {_HELD:g} m and {np.degrees(_HELD_TURN):g} degrees of the target, root mean square over the last "
             f"5 s of {_HOLDING_SECONDS:g} s"
         )
-        headings.append("success at goals that can be held")
+        headings.append("success at targets that can be held")
         able = _success(floor, stop)
     rows = [headings, ["---"] * len(headings)]
-    # One more run may follow, that of the goals held.
+    # One more run may follow, that of the targets held.
     for law, outcome in zip(laws, outcomes, strict=False):
         good = _success(outcome, stop)
         over = (outcome.peak > LIMITS[0] * (1.0 + 1e-9)) | (outcome.peak_turn > LIMITS[1] * (1.0 + 1e-9))
@@ -140,10 +140,10 @@ def _report(batch: Batch, laws: tuple[Law, ...], outcomes: list[Outcome], noise:
         else:
             row.append(f"{good[able].mean():.1%}" if able.any() else "-")
         rows.append(row)
-    text = [f"\nnoise {noise:g}; success: {goal}\n", *(f"| {' | '.join(row)} |" for row in rows)]
+    text = [f"\nnoise {noise:g}; success: {target}\n", *(f"| {' | '.join(row)} |" for row in rows)]
     if floor is not None:
         text.append(
-            f"\nThe plain law, started at the goal, holds {able.sum()} of the {len(able)} goals that well; the other "
+            f"\nThe plain law, started at the target, holds {able.sum()} of {len(able)} targets that well; the other "
             f"{(~able).sum()} are too near a singularity for this noise and these errors, or elsewhere by the map."
         )
     for law, outcome in zip(laws, outcomes, strict=False):
@@ -168,7 +168,7 @@ def _quantiles(values: np.ndarray, which: tuple[float, ...]) -> str:
 def _comparison(cases: Sequence[Case], laws: tuple[Law, ...], noise: float, seed: int, taught: bool) -> str:
     """Return how far the package's own controller gets from these runs, with the same noise, until they arrive."""
     text = [
-        f"\nlargest distance to the package's controller, over the way gone where that is above 1 m, in {len(cases)} "
+        f"\nlargest distance to the package's controller, over the path gone where that is above 1 m, in {len(cases)} "
         f"tasks (median / most): noise {noise:g}, {_COMPARED_STEPS} steps"
     ]
     batch = Batch.of(cases, taught)
@@ -192,27 +192,27 @@ def _by_controller(case: Case, law: Law, drawn: np.ndarray, taught: bool) -> np.
         case: The scene, where to go, and the constant errors.
         law: By which law.
         drawn: Noise of each step, shape (steps, 2, n, 3).
-        taught: Whether the goal is given by what is seen there.
+        taught: Whether the target is given by what is seen there.
     """
     task, errors = case.task, case.errors
     values = {
         "lines.points": tuple(errors.map.point.ravel()),
         "lines.directions": tuple(errors.map.direction.ravel()),
-        "target.position": tuple(task.goal.translation),
-        "target.orientation": tuple(task.goal.quaternion_xyzw),
+        "target.position": tuple(task.target.translation),
+        "target.orientation": tuple(task.target.quaternion_xyzw),
         "target.source": "topic" if taught else "pose",
     }
-    servo = LineServo(ControllerParameters.from_values({**values, **law.parameters}))
+    servo = ServoController(ControllerParameters.from_values({**values, **law.parameters}))
     none = np.zeros((2, len(task.lines), 3))
     if taught:
-        servo.set_target(LineObservation.of_lines(_seen(case, task.goal, none)))
+        servo.set_target(LineObservation.of_lines(_seen(case, task.target, none)))
     pose, centers = task.start, []
     for step, noise in enumerate(drawn):
         centers.append(pose.translation)
         stamp = 10**9 + round(step * TIME_STEP * 1e9)
         twist = servo.step(LineObservation.of_lines(_seen(case, pose, noise)), stamp, stamp).twist
         told = pose @ errors.T_told_camera.inverse()
-        pose = told.moved(errors.speed * twist, TIME_STEP) @ errors.T_told_camera
+        pose = told.integrate(errors.speed * twist, TIME_STEP) @ errors.T_told_camera
     return np.reshape(centers, (-1, 3))
 
 
@@ -233,12 +233,12 @@ if __name__ == "__main__":
         option = "--" + each.name.replace("_", "-")
         parser.add_argument(option, type=float, default=each.default, help=f"constant error {each.metadata['help']}")
     parser.add_argument(
-        "--largest-scale-error", type=float, default=LAWS[-1].largest_scale_error, help="of the 3-D lines, for detour"
+        "--largest-scale-error", type=float, default=LAWS[-1].max_scale_error, help="of the 3-D lines, for detour"
     )
-    parser.add_argument("--taught", action="store_true", help="give goals by what is seen there, not as poses")
+    parser.add_argument("--taught", action="store_true", help="give targets by what is seen there, not as poses")
     options = parser.parse_args()
     chosen = tuple(
-        replace(law, largest_scale_error=options.largest_scale_error)
+        replace(law, max_scale_error=options.max_scale_error)
         for law in LAWS
         if not options.laws or law.name in options.laws
     )

@@ -24,10 +24,10 @@ from tqdm import tqdm
 from benchmark.timing import median_seconds
 from plsing_ros.features import LineObservation, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
 
-GOAL = Pose(np.eye(3), np.array([0.0, 0.0, -5.0]))
+TARGET = Pose(np.eye(3), np.array([0.0, 0.0, -5.0]))
 START = Pose(np.eye(3), np.array([0.2, -0.1, -6.0]))
 CYCLES = 100_000
 _STEP = 40_000_000  # [ns]
@@ -40,41 +40,41 @@ def main() -> None:
     _memory(CYCLES)
 
 
-def _monitor(lines: LineSet, goal_known: bool) -> SingularityMonitor:
+def _monitor(lines: LineSet, target_known: bool) -> SingularityMonitor:
     return SingularityMonitor(
         MonitorParameters(
             lines_points=tuple(lines.point.ravel()),
             lines_directions=tuple(lines.direction.ravel()),
-            target_known=goal_known,
-            target_position=tuple(GOAL.translation),
+            target_known=target_known,
+            target_position=tuple(TARGET.translation),
         )
     )
 
 
 def _run(lines: LineSet) -> list[tuple[Pose, LineObservation, np.ndarray]]:
-    """Return pose, what the camera sees and the plain law's twist, frame by frame on the way from START."""
-    desired = project_lines(lines.transformed(GOAL.inverse(), "camera"))
+    """Return pose, what the camera sees and the plain law's twist, frame by frame on the path from START."""
+    desired = project_lines(lines.transformed(TARGET.inverse(), "camera"))
     pose, frames = START, []
     for _ in range(_FRAMES):
         seen = lines.transformed(pose.inverse(), "camera")
         twist = -0.1 * np.linalg.lstsq(interaction_matrix(seen), project_lines(seen) - desired, rcond=None)[0]
         frames.append((pose, LineObservation.of_lines(seen), twist))
-        pose = pose.moved(twist, _STEP / 1e9)
+        pose = pose.integrate(twist, _STEP / 1e9)
     return frames
 
 
-def _cycles(n: int, with_pose: bool, with_twist: bool, goal_known: bool = True) -> Iterator[None]:
+def _cycles(n: int, with_pose: bool, with_twist: bool, target_known: bool = True) -> Iterator[None]:
     """Yield after each cycle; the run begins anew when it is over, which the monitor sees as a jump of the camera."""
     generator = np.random.default_rng(n)
     lines = LineSet.from_points_directions(generator.normal(size=(n, 3)), generator.normal(size=(n, 3)))
-    monitor, stamp = _monitor(lines, goal_known), 10**9
+    monitor, stamp = _monitor(lines, target_known), 10**9
     for pose, observation, twist in itertools.cycle(_run(lines)):
         if with_pose:
             monitor.receive_pose(pose, stamp)
         assessment = monitor.assess(observation, stamp, stamp)
         if assessment is not None:
             # As whoever listens to the status does: words are made when they are read.
-            assert assessment.reason is not None and assessment.lost_motion_text is not None
+            assert assessment.reason is not None and assessment.unobservable_motion_text is not None
         if with_twist:
             monitor.receive_twist(twist, stamp)
         stamp += _STEP
@@ -83,7 +83,7 @@ def _cycles(n: int, with_pose: bool, with_twist: bool, goal_known: bool = True) 
 
 def _cost() -> None:
     print("receive_pose, assess and receive_twist together [us]\n")
-    print(f"{'lines':>6} {'pose, twist, goal':>18} {'goal not known':>15} {'no pose':>8} {'pose only':>10}")
+    print(f"{'lines':>6} {'pose, twist, target':>18} {'target not known':>15} {'no pose':>8} {'pose only':>10}")
     for n in (4, 8, 20):
         ways = [(True, True, True), (True, True, False), (False, True, True), (True, False, False)]
         running = [_cycles(n, *way) for way in ways]

@@ -1,7 +1,7 @@
 """Alerts on random servo tasks whose controller acts on the noisy lines that the monitor sees, too.
 
 A blow-up is a linear speed above ten times its value at the start, noise or not; a false alarm is WARN or above in a
-run without one. Goal and pose are known, tasks are those of alert_quality.
+run without one. Target and pose are known, tasks are those of alert_quality.
 
     python3 -m benchmark noisy_alerts
     python3 -m benchmark.noisy_alerts --seed 2 --tasks 500 --noise 0.0005
@@ -25,10 +25,10 @@ from tqdm import tqdm
 from benchmark.servo_tasks import BLOW_UP, GAIN, STEPS, TIME_STEP, random_task
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import interaction_matrix, project_lines
+from plsing_ros.levels import Level
+from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.servoing.monitoring.levels import Level
-from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor
-from plsing_ros.servoing.simulated_camera import SimulatedCamera
+from plsing_ros.simulation.simulated_camera import SimulatedCamera
 
 SEED, TASKS, NOISE = 1, 100, 2e-3
 _FIRST_STAMP = 10**9
@@ -76,11 +76,11 @@ def _run(seed: int, noise: float, number: int) -> _Run:
             lines_points=tuple(lines.point.ravel()),
             lines_directions=tuple(lines.direction.ravel()),
             target_known=True,
-            target_position=tuple(task.goal.translation),
-            target_orientation=tuple(task.goal.quaternion_xyzw),
+            target_position=tuple(task.target.translation),
+            target_orientation=tuple(task.target.quaternion_xyzw),
         )
     )
-    desired = project_lines(lines.transformed(task.goal.inverse(), "camera"))
+    desired = project_lines(lines.transformed(task.target.inverse(), "camera"))
     camera = SimulatedCamera(lines, task.start, "camera", noise, number)
     speeds: list[float] = []
     alert: int | None = None

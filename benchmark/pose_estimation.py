@@ -27,14 +27,14 @@ from types import ModuleType
 import numpy as np
 from tqdm import tqdm
 
-from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS, Experiment
+from paper.pose_quadrifolium import EXPERIMENTS, Experiment
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters
 from plsing_ros.pose import PoseEstimator, Verdict
 from plsing_ros.pose.refinement import refine
 from plsing_ros.pose.residuals import ImageResiduals, LineNoise, residual_settings
-from plsing_ros.servoing.simulated_camera import noisy_lines
+from plsing_ros.simulation.simulated_camera import noisy_lines
 
 SAMPLES, SEEDS = 101, 1
 _PLACES, _ROUNDS = 5, 30
@@ -95,7 +95,7 @@ def _times(experiment: Experiment, candidates: dict[str, Candidate]) -> dict[str
     for pose in poses:
         seen = LineObservation.of_lines(experiment.scene.transformed(pose.inverse(), "camera"))
         known = noisy_lines(experiment.scene, experiment.noise, np.random.default_rng(1))
-        last = pose.moved(np.full(6, 0.003), 1.0)
+        last = pose.integrate(np.full(6, 0.003), 1.0)
         calls: dict[str, Callable[[], object]] = {
             name: (lambda each=candidates[name]: each(known, seen, experiment.noise)) for name in total
         }
@@ -104,12 +104,12 @@ def _times(experiment: Experiment, candidates: dict[str, Candidate]) -> dict[str
                 settings = EstimationParameters(noise_image=0.0, noise_scene=experiment.noise, backend=backend)
                 estimator = PoseEstimator(known, settings)
                 calls[name] = lambda each=estimator, start=start: each.estimate(seen, start, (0.1, 0.1))
-        for name, seconds in _least_seconds(calls).items():
+        for name, seconds in _min_seconds(calls).items():
             total[name] += seconds / len(poses)
     return total
 
 
-def _least_seconds(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
+def _min_seconds(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
     """Return the least processor time of one call of each, in turns: what other programs do does not count."""
     least, generator = dict.fromkeys(calls, np.inf), np.random.default_rng(1)
     for _ in range(_ROUNDS):

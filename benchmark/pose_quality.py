@@ -1,7 +1,7 @@
 """Whether a pose from lines is what its verdict and its covariance say: warnings on random scenes, and consistency.
 
 Warnings: random scenes of 4 to 8 lines with image noise of 0.3, 1 and 2 mrad, "anywhere" with poses anywhere, and
-"near" with poses on ways across transversals and past isolated points. An error of the position above 10 cm must not
+"near" with poses on paths across transversals and past isolated points. An error of the position above 10 cm must not
 be presented as OK, one below 1 cm should be. The thresholds were chosen on seeds 1 and 3; seed 2 is the report.
 
 Wrong matches: random scenes in which some lines have random images, or are seen against their direction.
@@ -31,7 +31,7 @@ from scipy.stats import chi2
 from tqdm import tqdm
 
 from benchmark.servo_tasks import random_task
-from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS
+from paper.pose_quadrifolium import EXPERIMENTS
 from plsing_ros.features import LineObservation, image_depth
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters
@@ -45,7 +45,7 @@ WRONG_SCENES = 30
 NOISES = (3e-4, 1e-3, 2e-3)
 _LARGE, _SMALL = 0.1, 0.01  # [m]
 # A camera that has a line this close sees nothing of use of it [m].
-_LEAST_DEPTH = 0.05
+_MIN_DEPTH = 0.05
 _APPROACH_NOISE = 2e-4
 _BAND = 0.95
 
@@ -80,7 +80,7 @@ def warnings_report(seed: int, count: int) -> str:
     verdict: dict[str, list[Verdict]] = {"anywhere": [], "near": []}
     for number in tqdm(range(count), desc=f"seed {seed}: scenes", leave=False):
         lines, pose, generator = _random_view(seed, number)
-        if image_depth(lines.transformed(pose.inverse(), "camera")).min() < _LEAST_DEPTH:
+        if image_depth(lines.transformed(pose.inverse(), "camera")).min() < _MIN_DEPTH:
             continue
         noise = NOISES[number // 3 % len(NOISES)]
         estimator = PoseEstimator(lines, EstimationParameters(noise_image=noise))
@@ -143,7 +143,7 @@ def _wide_view(generator: np.random.Generator, n: int) -> tuple[LineSet, Pose]:
         lines = LineSet.from_points_directions(generator.normal(size=(n, 3)), generator.normal(size=(n, 3)))
         center = generator.normal(size=3)
         center *= generator.uniform(2.0, 5.0) / np.linalg.norm(center)
-        pose = Pose.looking_at(center, generator.normal(scale=0.3, size=3), down=generator.normal(size=3))
+        pose = Pose.look_at(center, generator.normal(scale=0.3, size=3), down=generator.normal(size=3))
         seen = lines.transformed(pose.inverse(), "camera")
         if image_depth(seen).min() > 0.1 and (np.abs(seen.moment[:, 2]) / image_depth(seen)).max() < 5.0:
             return lines, pose
@@ -158,8 +158,8 @@ def _random_view(seed: int, number: int) -> tuple[LineSet, Pose, np.random.Gener
     task = random_task(seed, number)
     generator = np.random.default_rng([seed, number, 7])
     share = generator.uniform() if number % 3 == 0 else float(np.clip(generator.normal(0.5, 0.2), 0.0, 1.0))
-    ends = Rotation.from_matrix([task.start.rotation, task.goal.rotation])
-    center = (1.0 - share) * task.start.translation + share * task.goal.translation
+    ends = Rotation.from_matrix([task.start.rotation, task.target.rotation])
+    center = (1.0 - share) * task.start.translation + share * task.target.translation
     return task.lines, Pose(Slerp([0.0, 1.0], ends)(share).as_matrix(), center), generator
 
 
@@ -205,9 +205,9 @@ def approaches(runs: int) -> list[Approach]:
         (EXPERIMENTS[1], "isolated point P1", (0.2, 0.9, 0.4)),
     ):
         scene = experiment.scene
-        found = singular_set(scene)
-        closest = found.distances(experiment.center)[0].closest_point
-        rotation = Pose.looking_at(experiment.center, (0.0, 0.0, 0.0)).rotation
+        singular = singular_set(scene)
+        closest = singular.distances(experiment.center)[0].closest_point
+        rotation = Pose.look_at(experiment.center, (0.0, 0.0, 0.0)).rotation
         estimator = PoseEstimator(scene, EstimationParameters(noise_image=_APPROACH_NOISE))
         generator = np.random.default_rng(11)
         rows = []
@@ -218,7 +218,7 @@ def approaches(runs: int) -> list[Approach]:
             ok = np.array([e.verdict is Verdict.OK for e in estimates if e.T_world_camera is not None], dtype=bool)
             rows.append(
                 (
-                    found.distances(pose.translation)[0].distance,
+                    singular.distances(pose.translation)[0].distance,
                     squared.mean() if len(squared) else np.nan,
                     squared[ok].mean() if ok.any() else np.nan,
                     ok.sum() / runs,

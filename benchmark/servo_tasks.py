@@ -17,7 +17,7 @@ TIME_STEP = 0.04  # [s]
 STEPS = 400
 # A run blows up when the speed exceeds this many times its value at the start.
 BLOW_UP = 10.0
-_MOST_LINES = 8
+_MAX_LINES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Task:
 
     lines: LineSet
     start: Pose
-    goal: Pose
+    target: Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +49,16 @@ class Runs:
 
 
 def random_task(seed: int, number: int) -> Task:
-    """Return task `number` of a seed: 4 to 8 lines, a start and a goal that look at them, in one of three kinds.
+    """Return task `number` of a seed: 4 to 8 lines, a start and a target that look at them, in one of three kinds.
 
-    0: any two poses up to 3 m and 90 degrees apart. 1: all lines meet one more line, and the way leads across it,
-    with starts and goals up to 0.8 m beside it. 2: four lines, and the way leads past one of their isolated points or
-    transversals.
+    0: any two poses up to 3 m and 90 degrees apart. 1: all lines meet one more line, and the path leads across it,
+    with starts and targets up to 0.8 m beside it. 2: four lines, and the path leads past one of their isolated points
+    or transversals.
     """
     generator = np.random.default_rng([seed, number])
     kind = number % 3
     while True:
-        n = 4 if kind == 2 else int(generator.integers(4, _MOST_LINES + 1))
+        n = 4 if kind == 2 else int(generator.integers(4, _MAX_LINES + 1))
         lines = LineSet.from_points_directions(generator.normal(size=(n, 3)), generator.normal(size=(n, 3)))
         center = _unit(generator) * generator.uniform(2.0, 5.0)
         if kind == 1:
@@ -80,7 +80,7 @@ def _task(
     generator: np.random.Generator, lines: LineSet, center: np.ndarray, half_way: float, half_turn: float
 ) -> Task | None:
     """Return a task whose way leads through a centre, or None if a line is badly seen at its ends."""
-    looking = Pose.looking_at(center, generator.normal(scale=0.3, size=3), down=_unit(generator))
+    looking = Pose.look_at(center, generator.normal(scale=0.3, size=3), down=_unit(generator))
     shift, turn = _unit(generator) * half_way, _unit(generator) * np.radians(half_turn)
     poses = []
     for sign in (-1.0, 1.0):
@@ -97,13 +97,13 @@ def run_all(tasks: list[Task], progress: Callable[[], object] = lambda: None) ->
     This is its own implementation of projection, L and motion, so that the study does not rest on the code it judges.
     """
     k = len(tasks)
-    direction, moment, weight = np.zeros((k, _MOST_LINES, 3)), np.zeros((k, _MOST_LINES, 3)), np.zeros((k, _MOST_LINES))
+    direction, moment, weight = np.zeros((k, _MAX_LINES, 3)), np.zeros((k, _MAX_LINES, 3)), np.zeros((k, _MAX_LINES))
     direction[:, :, 0], moment[:, :, 1] = 1.0, 1.0
-    desired = np.zeros((k, _MOST_LINES, 3))
+    desired = np.zeros((k, _MAX_LINES, 3))
     for i, task in enumerate(tasks):
         n = len(task.lines)
         direction[i, :n], moment[i, :n], weight[i, :n] = task.lines.direction, task.lines.moment, 1.0
-        desired[i, :n] = project_lines(task.lines.transformed(task.goal.inverse(), "camera")).reshape(-1, 3)
+        desired[i, :n] = project_lines(task.lines.transformed(task.target.inverse(), "camera")).reshape(-1, 3)
     R = np.array([task.start.rotation for task in tasks])
     t = np.array([task.start.translation for task in tasks])
     rotation, position = np.zeros((STEPS, k, 3, 3)), np.zeros((STEPS, k, 3))
@@ -137,7 +137,7 @@ def _law(
 
 
 def in_camera(direction: np.ndarray, moment: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return lines (k, m, 3) of a scene in frames of cameras, for R (k, 3, 3) and t (k, 3) of T_scene_camera."""
+    """Return lines (k, m, 3) of a scene in frames of cameras, for R (k, 3, 3) and t (k, 3) of T_world_camera."""
     return direction @ R, (moment - np.cross(t[:, np.newaxis], direction)) @ R
 
 

@@ -47,18 +47,18 @@ def _one_scene() -> list[float]:
     medians = []
     for number, scene in enumerate(SCENES):
         lines = _lines(scene)
-        found = singular_set(lines)
+        singular = singular_set(lines)
         seconds = median_seconds({"set": lambda lines=lines: singular_set(lines)}, rounds=300, calls=3)["set"]
         medians.append(seconds)
-        points = f"{len(found.isolated_points)} real of {len(found.isolated_points_complex)} points"
-        print(f"  scene {number}: {1e3 * seconds:6.2f}   {points}, {len(found.transversals)} transversals")
-    found = singular_set(_lines(SCENES[0]))
+        points = f"{len(singular.isolated_points)} real of {len(singular.isolated_points_complex)} points"
+        print(f"  scene {number}: {1e3 * seconds:6.2f}   {points}, {len(singular.transversals)} transversals")
+    singular = singular_set(_lines(SCENES[0]))
     center = np.array([0.3, 0.2, 1.0])
     medians_of = median_seconds(
-        {"arrays": lambda: found.distance_arrays(center), "list": lambda: found.distances(center)}, calls=50
+        {"arrays": lambda: singular.distance_arrays(center), "list": lambda: singular.distances(center)}, calls=50
     )
     print(
-        f"distances from one camera centre to {len(found.locus_names)} loci: {1e6 * medians_of['arrays']:.0f} us as "
+        f"distances from one camera centre to {len(singular.locus_names)} loci: {1e6 * medians_of['arrays']:.0f} us as "
         f"arrays, {1e6 * medians_of['list']:.0f} us as a sorted list"
     )
     return medians

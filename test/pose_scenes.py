@@ -33,7 +33,7 @@ def random_view(generator, n):
         lines = LineSet.from_points_directions(generator.normal(size=(n, 3)), generator.normal(size=(n, 3)))
         center = generator.normal(size=3)
         center *= generator.uniform(2.0, 5.0) / np.linalg.norm(center)
-        pose = Pose.looking_at(center, generator.normal(scale=0.3, size=3), down=generator.normal(size=3))
+        pose = Pose.look_at(center, generator.normal(scale=0.3, size=3), down=generator.normal(size=3))
         moment = lines.transformed(pose.inverse(), "camera").moment
         depth = np.hypot(moment[:, 0], moment[:, 1])
         if depth.min() > 0.1 and (np.abs(moment[:, 2]) / depth).max() < 3.0:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS, run, save_figure
+from paper.pose_quadrifolium import EXPERIMENTS, run, save_figure
 from plsing_ros.pose import Verdict
 
 HERE = Path(__file__).parent

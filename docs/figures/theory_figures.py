@@ -13,8 +13,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from plsing_ros.figures.segments import segments_in_ball
 from plsing_ros.geometry import LineSet
-from plsing_ros.geometry.segments import segments_in_ball
 from plsing_ros.singularities import singular_set, surface_triangles
 
 HERE = Path(__file__).parent
@@ -31,20 +31,20 @@ def segment(axes: plt.Axes, point: np.ndarray, direction: np.ndarray, size: floa
 
 def scene() -> None:
     """The paper's four lines, their transversals and the isolated points near them."""
-    found = singular_set(FOUR)
+    singular = singular_set(FOUR)
     figure = plt.figure(figsize=(6.4, 5.4))
     axes = figure.add_subplot(projection="3d")
     size = 3.0
     for i in range(4):
         label = "observed lines" if i == 0 else None
         segment(axes, FOUR.point[i], FOUR.direction[i], size, color=OBSERVED, linewidth=2, label=label)
-    for i, line in enumerate(found.transversals):
+    for i, line in enumerate(singular.transversals):
         label = "transversals" if i == 0 else None
         segment(axes, line.point, line.direction, size, color=TRANSVERSAL, linewidth=1.5, linestyle="--", label=label)
-    near = found.isolated_points[(np.abs(found.isolated_points) < size).all(axis=1)]
+    near = singular.isolated_points[(np.abs(singular.isolated_points) < size).all(axis=1)]
     axes.scatter(*near.T, color=ISOLATED, s=30, label="isolated points", depthshade=False)
     for point in near:
-        motion = found.lost_motions(point)[0]
+        motion = singular.unobservable_motions(point)[0]
         axes.quiver(*point, *(0.9 * motion.angular), color=ISOLATED, linewidth=1)
     axes.set(xlabel="X [m]", ylabel="Y [m]", zlabel="Z [m]", xlim=(-size, size), ylim=(-size, size), zlim=(-size, size))
     axes.legend(loc="upper left")
@@ -54,9 +54,9 @@ def scene() -> None:
 
 def three_lines() -> None:
     """The quadric and the cubic of the first three lines."""
-    found = singular_set(FOUR.select([0, 1, 2]))
+    singular = singular_set(FOUR.select([0, 1, 2]))
     figure = plt.figure(figsize=(9.6, 4.6))
-    for column, surface in enumerate(found.surfaces):
+    for column, surface in enumerate(singular.surfaces):
         axes = figure.add_subplot(1, 2, column + 1, projection="3d")
         triangles = surface_triangles(surface, [0, 0, 0], 4.0, 28)
         color = "#8fb0d0" if column == 0 else "#d9b38c"
@@ -85,9 +85,9 @@ def sampled_forms(w: np.ndarray, direction: np.ndarray, point: np.ndarray) -> tu
 
 def axis_plane() -> None:
     """The quartic and the quintic in the plane of axis directions, drawn on a hemisphere seen from above."""
-    found = singular_set(FOUR)
-    frame = found.frame
-    axis = np.array([found.lost_motions(p)[0].angular for p in found.isolated_points])
+    singular = singular_set(FOUR)
+    frame = singular.frame
+    axis = np.array([singular.unobservable_motions(p)[0].angular for p in singular.isolated_points])
     marked = np.concatenate([frame.direction, axis, at_infinity(frame.direction)])
     # Seen from where the marks are closest to the middle.
     view = np.linalg.eigh(marked.T @ marked)[1].T

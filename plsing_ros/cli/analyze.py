@@ -11,9 +11,10 @@ import numpy.typing as npt
 
 from plsing_ros.arrays import Array
 from plsing_ros.cli.command import run_command
-from plsing_ros.experiments.scene_page import save_scene_page
+from plsing_ros.figures.scene_page import save_scene_page
 from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.singularities import SingularSet, singular_set
+from plsing_ros.singularities.proofs.certify import certify
 
 _EPILOG = """examples:
   analyze config/paper_p4l.yaml
@@ -41,47 +42,48 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    found = singular_set(read_scene(options.scene), certify=options.certify)
-    print("\n".join(_description(found)))
+    singular = singular_set(read_scene(options.scene))
+    print("\n".join(_description(singular)))
     if options.certify:
-        print("\n".join(_proofs(found)))
+        print("\n".join(_proofs(singular)))
     if options.at is not None:
-        print("\n".join(_situation(found, np.array(options.at))))
+        print("\n".join(_situation(singular, np.array(options.at))))
     if options.page is not None:
-        lines, surfaces = (size * found.frame.length for size in _DRAWN)
-        save_scene_page(options.page, options.scene, found, found.surfaces, (), lines, surfaces)
+        lines, surfaces = (size * singular.frame.length for size in _DRAWN)
+        save_scene_page(options.page, options.scene, singular, singular.surfaces, (), lines, surfaces)
         print(f"\npage: {options.page}")
     return 0
 
 
-def _description(found: SingularSet) -> list[str]:
-    lines = [found.description, ""]
-    for transversal in found.transversals:
+def _description(singular: SingularSet) -> list[str]:
+    lines = [singular.description, ""]
+    for transversal in singular.transversals:
         lines.append(
             f"{transversal.name}: through {_vector(transversal.point)} m along {_vector(transversal.direction)}, "
             f"residual {transversal.residual:.1e}"
         )
     for number, (point, residual) in enumerate(
-        zip(found.isolated_points, found.isolated_point_residuals, strict=True), start=1
+        zip(singular.isolated_points, singular.isolated_point_residuals, strict=True), start=1
     ):
         lines.append(f"isolated point {number}: {_vector(point)} m, residual {residual:.1e}")
-    lines += [f"{surface.name}: degree {surface.degree}" for surface in found.surfaces]
+    lines += [f"{surface.name}: degree {surface.degree}" for surface in singular.surfaces]
     return lines
 
 
-def _proofs(found: SingularSet) -> list[str]:
-    lines = ["", found.certification]
-    for proof in found.certificates:
+def _proofs(singular: SingularSet) -> list[str]:
+    proofs = certify(singular)
+    lines = ["", proofs.statement]
+    for proof in proofs.certificates:
         radius = f", radius {proof.radius:.1e}" if np.isfinite(proof.radius) else ""
         lines.append(f"  {proof.name}, lines {', '.join(map(str, proof.lines))}: {proof.statement}{radius}")
     return lines
 
 
-def _situation(found: SingularSet, center: Array) -> list[str]:
+def _situation(singular: SingularSet, center: Array) -> list[str]:
     lines = ["", f"camera at {_vector(center)} m"]
-    lines += [f"  {each.distance:10.4f} m from {each.name}" for each in found.distances(center)]
-    motions = found.lost_motions(center)
-    lines += [f"  lost motion: {motion}" for motion in motions] or ["  no motion is lost there"]
+    lines += [f"  {each.distance:10.4f} m from {each.name}" for each in singular.distances(center)]
+    motions = singular.unobservable_motions(center)
+    lines += [f"  unobservable motion: {motion}" for motion in motions] or ["  no motion is lost there"]
     return lines
 
 

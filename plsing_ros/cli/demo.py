@@ -11,13 +11,13 @@ import numpy as np
 from tqdm import tqdm
 
 from plsing_ros.cli.command import make_folder, run_command
-from plsing_ros.experiments import near_transversal as experiment
-from plsing_ros.experiments.config_files import config_file
-from plsing_ros.experiments.figures import save_figures
-from plsing_ros.experiments.run_record import Alert, RunRecord, summary_table
+from plsing_ros.figures.servo_runs import save_figures
 from plsing_ros.geometry.scene_file import read_scene
-from plsing_ros.nodes.closed_loop import run_closed_loop
+from plsing_ros.parameters.config_files import config_file
+from plsing_ros.simulation import near_transversal as experiment
+from plsing_ros.simulation.run_record import Alert, RunRecord, summary_table
 from plsing_ros.singularities import singular_set
+from plsing_ros.testing.lockstep import run_lockstep
 
 _EPILOG = """examples:
   demo                        Starts 1 to 4 of the paper
@@ -52,13 +52,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     params_file = config_file("paper_p4l.yaml")
-    found = singular_set(read_scene(params_file))
-    print(f"The paper's four lines: {found.description}")
-    print(f"Starts within 1.1 m of a target near {found.transversals[0].name}, lambda = {experiment.GAIN} 1/s\n")
+    singular = singular_set(read_scene(params_file))
+    print(f"The paper's four lines: {singular.description}")
+    print(f"Starts within 1.1 m of a target near {singular.transversals[0].name}, lambda = {experiment.GAIN} 1/s\n")
     make_folder(options.output, "write the figures", "--output")
     records = [_run_start(experiment.STARTS[number - 1], params_file, options) for number in options.starts]
     print(f"\n{summary_table(records)}\n")
-    for file in save_figures(records, found, options.output):
+    for file in save_figures(records, singular, options.output):
         print(f"figure: {file}")
     return 0
 
@@ -85,7 +85,7 @@ def _run_start(start: experiment.Start, params_file: Path, options: argparse.Nam
         bar.write(f"  {alert.time:6.2f} s  {alert.text}", file=sys.stdout)
 
     with bar:
-        return run_closed_loop(
+        return run_lockstep(
             start.name,
             params_file,
             start={"start.position": start.position.tolist(), "start.orientation": experiment.ORIENTATION.tolist()},
@@ -95,7 +95,7 @@ def _run_start(start: experiment.Start, params_file: Path, options: argparse.Nam
                 "gain": experiment.GAIN,
             },
             arrived=experiment.ARRIVED,
-            most_steps=experiment.MOST_STEPS,
+            max_steps=experiment.MAX_STEPS,
             on_frame=on_frame,
             on_alert=on_alert,
             executor=options.executor,

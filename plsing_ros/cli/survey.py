@@ -28,7 +28,7 @@ _EPILOG = """examples:
 _CHUNK = 2000
 _BAR = 50
 # What report needs of a chunk.
-_COUNTED = {"chunk", "elliptic", "hyperbolic", "largest_residual", "solved_again", "unresolved"}
+_COUNTED = {"chunk", "elliptic", "hyperbolic", "max_residual", "solved_again", "unresolved"}
 
 
 def random_scenes(seed: int, chunk: int, count: int) -> tuple[Array, Array]:
@@ -49,9 +49,9 @@ def survey_chunk(seed: int, chunk: int, count: int) -> dict[str, Any]:
     real = batch.real.sum(axis=1)
     unresolved = []
     for scene in np.flatnonzero(~batch.generic):
-        found = singular_set(LineSet.from_points_directions(points[scene], directions[scene]))
-        real[scene] = len(found.isolated_points)
-        if len(found.isolated_points_complex) != 10:
+        singular = singular_set(LineSet.from_points_directions(points[scene], directions[scene]))
+        real[scene] = len(singular.isolated_points)
+        if len(singular.isolated_points_complex) != 10:
             unresolved.append(int(scene))
     table = np.zeros((2, 11), dtype=int)
     resolved = np.setdiff1d(np.arange(count), unresolved)
@@ -60,7 +60,7 @@ def survey_chunk(seed: int, chunk: int, count: int) -> dict[str, Any]:
         "chunk": chunk,
         "elliptic": table[0].tolist(),
         "hyperbolic": table[1].tolist(),
-        "largest_residual": float(batch.residual[batch.generic].max(initial=0.0)),
+        "max_residual": float(batch.residual[batch.generic].max(initial=0.0)),
         "solved_again": int((~batch.generic).sum()),
         "unresolved": unresolved,
     }
@@ -153,7 +153,7 @@ def report(records: Sequence[dict[str, Any]]) -> str:
         lines.append(row.rstrip())
     unresolved = sum(len(record["unresolved"]) for record in records)
     again = sum(record["solved_again"] for record in records)
-    residual = max((record["largest_residual"] for record in records), default=0.0)
+    residual = max((record["max_residual"] for record in records), default=0.0)
     lines.append(
         f"{total} scenes with all ten points, {unresolved} without; {again} solved twice; "
         f"largest residual {residual:.2g}"

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError
-from plsing_ros.features.factorisation import Factorisation, factorised
+from plsing_ros.features.decomposition import Decomposition, decompose
 
 
 class Conditioning(NamedTuple):
@@ -32,10 +32,11 @@ class Conditioning(NamedTuple):
     last_right_vector: Array
 
     @property
-    def weakest_motion(self) -> Array:
+    def least_observable_direction(self) -> Array:
         """Unit twist (v [m/s], omega [rad/s]) of the camera that changes the image least, shape (6,).
 
-        It is in the optical frame, and its sign makes its largest entry positive; at a singularity the lost motion.
+        It is in the optical frame, and its sign makes its largest entry positive; at a singularity it is the
+        unobservable motion.
         """
         vector = self.last_right_vector
         return vector if max(vector.tolist(), key=abs) > 0.0 else -vector
@@ -46,7 +47,7 @@ class Conditioning(NamedTuple):
         return float(self.singular_values[-1])
 
 
-def conditioning(matrix: npt.ArrayLike | Factorisation, characteristic_length: float = 1.0) -> Conditioning:
+def conditioning(matrix: npt.ArrayLike | Decomposition, characteristic_length: float = 1.0) -> Conditioning:
     """Return the conditioning of an interaction matrix.
 
     Args:
@@ -61,12 +62,12 @@ def conditioning(matrix: npt.ArrayLike | Factorisation, characteristic_length: f
     """
     if not 0.0 < characteristic_length < math.inf:
         raise GeometryError(f"characteristic_length is {characteristic_length} m; it must be positive and finite")
-    raw = matrix if isinstance(matrix, Factorisation) else factorised(checked_array("matrix", matrix, (None, 6)))
+    raw = matrix if isinstance(matrix, Decomposition) else decompose(checked_array("matrix", matrix, (None, 6)))
     inverse = scaled_inverse = raw.inverse_condition_number
     if characteristic_length != 1.0:
         # The left singular vectors do not change the singular values of the product.
         scale = np.array([characteristic_length] * 3 + [1.0] * 3)
-        scaled_inverse = factorised(raw.singular_values[:, np.newaxis] * raw.right * scale).inverse_condition_number
+        scaled_inverse = decompose(raw.singular_values[:, np.newaxis] * raw.right * scale).inverse_condition_number
     return Conditioning(raw.singular_values, inverse, scaled_inverse, float(characteristic_length), raw.right[5])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from plsing_ros import kernels
 from plsing_ros.arrays import Array
-from plsing_ros.features.factorisation import Factorisation, factorised
+from plsing_ros.features.decomposition import Decomposition, decompose
 from plsing_ros.features.projection import DEGENERATE_DEPTH, refuse_degenerate
 from plsing_ros.geometry import LineSet
 
@@ -33,7 +33,7 @@ def interaction_matrix(lines_camera: LineSet) -> Array:
     return matrix
 
 
-def interaction_factors(lines_camera: LineSet) -> Factorisation:
+def decompose_interaction(lines_camera: LineSet) -> Decomposition:
     """Return factorised(interaction_matrix(lines_camera)) in one call, with the same errors."""
     n = len(lines_camera)
     left, singular_values, right = np.empty((3 * n, 6)), np.empty(6), np.empty((6, 6))
@@ -41,5 +41,5 @@ def interaction_factors(lines_camera: LineSet) -> Factorisation:
         lines_camera.direction, lines_camera.moment, left, singular_values, right, DEGENERATE_DEPTH
     ):
         # Fewer rows than columns, or something is wrong, which is said step by step.
-        return factorised(interaction_matrix(lines_camera))
-    return Factorisation(left, singular_values, right)
+        return decompose(interaction_matrix(lines_camera))
+    return Decomposition(left, singular_values, right)

@@ -9,10 +9,10 @@ import numpy as np
 from plsing_ros import kernels
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
-from plsing_ros.features.factorisation import not_finite, rows_of
+from plsing_ros.features.decomposition import not_finite, rows_of
 
 
-class Solution(NamedTuple):
+class LeastSquaresSolution(NamedTuple):
     """Least squares by the singular value decomposition L = U diag(s) V'.
 
     Attributes:
@@ -29,23 +29,25 @@ class Solution(NamedTuple):
     solution: Array
 
 
-def difference(image: Array, desired: Array) -> tuple[Array, float]:
+def feature_error(image: Array, target_image: Array) -> tuple[Array, float]:
     """Return s - s*, shape (m,), and its norm; what overflows ends as infinite.
 
     Args:
         image: s, shape (m,).
-        desired: s*, shape (m,).
+        target_image: s*, shape (m,).
 
     Raises:
         GeometryError: If the lengths differ.
     """
-    if len(image) != len(desired):
-        raise GeometryError(f"s has {len(image)} values and s* has {len(desired)}; they must be as many")
+    if len(image) != len(target_image):
+        raise GeometryError(f"s has {len(image)} values and s* has {len(target_image)}; they must be as many")
     error = np.empty(len(image))
-    return error, kernels.subtract(image, desired, error)
+    return error, kernels.subtract(image, target_image, error)
 
 
-def solved(matrix: Array, right_side: Array, factor: float = 1.0, threshold: float = 0.0) -> Solution:
+def solve_least_squares(
+    matrix: Array, right_side: Array, factor: float = 1.0, threshold: float = 0.0
+) -> LeastSquaresSolution:
     """Return the least-squares solution of matrix @ x = factor * right_side, of all such ones the shortest.
 
     Args:
@@ -67,4 +69,4 @@ def solved(matrix: Array, right_side: Array, factor: float = 1.0, threshold: flo
     values, right, components, solution = np.empty(k), np.empty((k, k)), np.empty(k), np.empty(k)
     if not kernels.solve(rows, right_side, values, right, components, solution, factor, threshold):
         raise not_finite()
-    return Solution(values, right, components, solution)
+    return LeastSquaresSolution(values, right, components, solution)

@@ -9,7 +9,7 @@ import numpy as np
 
 from plsing_ros import kernels
 from plsing_ros.arrays import Array
-from plsing_ros.errors import GeometryError
+from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.geometry.line_set import LineSet
 from plsing_ros.geometry.pose import Pose
 
@@ -17,6 +17,8 @@ from plsing_ros.geometry.pose import Pose
 _PARALLEL = 1e-6
 # A direction whose cosine to the expected one is below this points the other way, whatever the noise.
 _REVERSED = -0.5
+# Features whose directions fit the scene no better than this do not belong to it [rad].
+_MAX_MISFIT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +26,12 @@ class Alignment:
     """A camera pose from lines.
 
     Attributes:
-        T_scene_camera: Where the camera is.
+        T_world_camera: Where the camera is.
         angle: Largest angle between a seen and an expected direction [rad].
         offset: Root mean square misfit of the moments [m].
     """
 
-    T_scene_camera: Pose
+    T_world_camera: Pose
     angle: float
     offset: float
 
@@ -89,7 +91,7 @@ def reversed_lines(scene: LineSet, seen: LineSet, rotation: Array) -> tuple[int,
     Args:
         scene: In the scene frame.
         seen: In the camera frame.
-        rotation: Of T_scene_camera, shape (3, 3); the noise of both may be large.
+        rotation: Of T_world_camera, shape (3, 3); the noise of both may be large.
     """
     expected = matched(scene, seen).direction
     if kernels.least_cosine(expected, rotation, seen.direction) >= _REVERSED:
@@ -110,3 +112,33 @@ def lines_to_reverse(scene: LineSet, seen: LineSet, angle: float) -> tuple[int, 
         if align_lines(scene, turned).angle <= angle:
             return (identity,)
     return ()
+
+
+def pose_by_lines(scene: LineSet, lines: LineSet) -> Pose | None:
+    """Return T_world_camera by the lines that are seen, or None if they do not tell.
+
+    Args:
+        scene: The lines in the scene frame.
+        lines: Those that are seen, in the camera frame.
+
+    Raises:
+        ObservationError: If a line is reversed with respect to the scene.
+    """
+    try:
+        aligned = align_lines(scene, lines)
+    except GeometryError:
+        return None
+    if aligned.angle > _MAX_MISFIT:
+        refuse_reversed(lines_to_reverse(scene, lines, _MAX_MISFIT))
+        return None
+    return aligned.T_world_camera
+
+
+def refuse_reversed(ids: tuple[int, ...]) -> None:
+    """Raise the ObservationError that names reversed lines, if there are any."""
+    if ids:
+        several = len(ids) > 1
+        raise ObservationError(
+            f"line{'s' if several else ''} {', '.join(map(str, ids))} {'are' if several else 'is'} reversed "
+            "with respect to the scene: the direction's sign must agree with lines.directions"
+        )

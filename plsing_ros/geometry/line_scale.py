@@ -13,7 +13,7 @@ from plsing_ros.geometry.line_set import LineSet
 # A scale is taken as right up to so many of its standard deviations.
 _DEVIATIONS = 3.0
 # Rounding: no moment is known better than this [m].
-_LEAST_DEVIATION = 1e-6
+_MIN_DEVIATION = 1e-6
 # Moments have two coordinates for each line; position (three) and scale take four.
 _UNKNOWNS = 4
 _IDENTITY = np.eye(3)
@@ -49,7 +49,7 @@ class LineScale:
 
         Args:
             seen: Three or more lines of the scene, not all parallel, in the camera frame.
-            rotation: Of T_scene_camera, shape (3, 3).
+            rotation: Of T_world_camera, shape (3, 3).
 
         Raises:
             GeometryError: If a seen line is not in the scene.
@@ -66,28 +66,28 @@ class LineScale:
             self._count += 1
 
     @np.errstate(over="ignore", invalid="ignore")
-    def factor(self, largest_error: float) -> float:
+    def factor(self, max_error: float) -> float:
         """Return the factor, 1 unless what was seen speaks against it.
 
         With the estimate 1 + e and its variance v, it is 1 + e max(0, 1 - 9 v / e^2). Lines that meet in a point say
         nothing about it (v is infinite).
 
         Args:
-            largest_error: Of the factor, below 1.
+            max_error: Of the factor, below 1.
         """
-        expected, found = self._expected.ravel(), self._found.ravel()
+        expected, singular = self._expected.ravel(), self._found.ravel()
         size = float(expected @ expected)
         freedom = 2 * int(self._was_seen.sum()) - _UNKNOWNS
         if size == 0.0 or freedom <= 0:
             return 1.0
-        error = float(expected @ (found - expected)) / size
-        rest = found - (1.0 + error) * expected
-        variance = (float(rest @ rest) / freedom + (_LEAST_DEVIATION * self._count) ** 2) / size
+        error = float(expected @ (singular - expected)) / size
+        rest = singular - (1.0 + error) * expected
+        variance = (float(rest @ rest) / freedom + (_MIN_DEVIATION * self._count) ** 2) / size
         square = error * error
         doubt = _DEVIATIONS**2 * variance
         if not doubt < square < math.inf:
             return 1.0
-        return 1.0 + min(max(error * (1.0 - doubt / square), -largest_error), largest_error)
+        return 1.0 + min(max(error * (1.0 - doubt / square), -max_error), max_error)
 
 
 def _about_nearest_point(lines: LineSet) -> Array:

@@ -64,7 +64,7 @@ class Pose:
         return cls(rotation_from_quaternion(quaternion), checked_position("translation", translation))
 
     @classmethod
-    def looking_at(cls, center: npt.ArrayLike, viewed: npt.ArrayLike, down: npt.ArrayLike = (0.0, 0.0, -1.0)) -> Pose:
+    def look_at(cls, center: npt.ArrayLike, viewed: npt.ArrayLike, down: npt.ArrayLike = (0.0, 0.0, -1.0)) -> Pose:
         """Return T_world_camera of a camera (optical frame: z forward, y down) whose optical axis passes a point.
 
         Args:
@@ -106,7 +106,7 @@ class Pose:
         apart = np.abs(self.translation - other.translation).max()
         return bool(max(apart, np.abs(self.rotation - other.rotation).max()) < tolerance)
 
-    def moved(self, twist: npt.ArrayLike, duration: float) -> Pose:
+    def integrate(self, twist: npt.ArrayLike, duration: float) -> Pose:
         """Return the pose of frame b after it moved with a constant twist, expressed in itself.
 
         Exact for any twist (no integration step error): T_a_b exp([twist] duration).

@@ -17,7 +17,7 @@ def align(
     translation: Array,
     quality: Array,
 ) -> bool:
-    """Fill T_scene_camera from n lines; return False, with it unfinished, if the lines do not fix it or are not finite.
+    """Fill T_world_camera from n lines; return False, with it unfinished, if the lines do not fix it or are not finite.
 
     Args:
         direction: In the scene frame, shape (n, 3).
@@ -59,7 +59,7 @@ def least_cosine(direction: Array, rotation: Array, seen_direction: Array) -> fl
 
     Args:
         direction: In the scene frame, shape (n, 3).
-        rotation: Of T_scene_camera, shape (3, 3).
+        rotation: Of T_world_camera, shape (3, 3).
         seen_direction: In the camera frame, shape (n, 3).
     """
     return float(np.einsum("ij,ij->i", direction @ rotation, seen_direction).min())

@@ -47,7 +47,7 @@ def approach(
         distance: Of the centre from each, shape (k,) [m].
         direction: Unit directions of lines, zero for others, shape (k, 3).
         role: 0 for lines and points, 1 for surfaces, -1 for what is left out, shape (k,).
-        rotation: Of T_scene_camera, shape (3, 3).
+        rotation: Of T_world_camera, shape (3, 3).
         center: Camera centre, shape (3,) [m].
         twist: Of the camera in its frame, shape (6,) [m/s, rad/s].
         found: Filled, shape (4,): the time to the closest point of the nearest locus [s] and the rate at which it comes

@@ -102,7 +102,7 @@ def lines_seen(
     Args:
         direction: In the scene frame, shape (n, 3).
         moment: Likewise, shape (n, 3) [m].
-        rotation: Of T_scene_camera, shape (3, 3).
+        rotation: Of T_world_camera, shape (3, 3).
         translation: Likewise, shape (3,) [m].
         seen_direction: Of the same lines as the camera sees them, in its frame, shape (n, 3).
         seen_moment: Likewise, shape (n, 3) [m].

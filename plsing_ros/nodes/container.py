@@ -6,17 +6,17 @@ import argparse
 from collections.abc import Sequence
 
 from plsing_ros.errors import ParameterError
-from plsing_ros.nodes.controller import Controller
-from plsing_ros.nodes.feature_simulator import FeatureSimulator
-from plsing_ros.nodes.pose_estimator import PoseEstimator
-from plsing_ros.nodes.run import Create, node_parser, run_nodes
-from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.nodes.controller import ControllerNode
+from plsing_ros.nodes.feature_simulator import FeatureSimulatorNode
+from plsing_ros.nodes.main import Create, node_parser, run_nodes
+from plsing_ros.nodes.pose_estimator import PoseEstimatorNode
+from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 
 NODES: dict[str, Create] = {
-    "controller": Controller,
-    "feature_simulator": FeatureSimulator,
-    "pose_estimator": PoseEstimator,
-    "singularity_monitor": SingularityMonitor,
+    "controller": ControllerNode,
+    "feature_simulator": FeatureSimulatorNode,
+    "pose_estimator": PoseEstimatorNode,
+    "singularity_monitor": SingularityMonitorNode,
 }
 
 _EXAMPLES = """examples:

@@ -15,7 +15,11 @@ from std_srvs.srv import SetBool
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityStatus
 from plsing_msgs.srv import CheckTarget
+from plsing_ros.control.command import Command, Mode
+from plsing_ros.control.halt_messages import HaltMessages
+from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import PlsingError
+from plsing_ros.features.target import Target
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     controller_state_message,
@@ -27,15 +31,11 @@ from plsing_ros.nodes.conversions import (
     observation_from_message,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
+from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
-from plsing_ros.nodes.run import run_node
-from plsing_ros.nodes.way_conversions import path_message, target_answer, target_question
+from plsing_ros.nodes.path_conversions import path_message, target_answer, target_question
 from plsing_ros.parameters import ControllerParameters
-from plsing_ros.servoing.command import Command, Mode
-from plsing_ros.servoing.line_servo import LineServo
-from plsing_ros.servoing.target import Target
-from plsing_ros.servoing.ways.detour import Plan
-from plsing_ros.servoing.zero_twists import ZeroTwists
+from plsing_ros.planning.detour import Plan
 
 _LEVELS = {
     Mode.WAITING: DiagnosticStatus.STALE,
@@ -48,44 +48,44 @@ _LEVELS = {
 }
 
 
-# Of a published way.
-_WAY_POSES = 100
+# Of a published path.
+_PATH_POSES = 100
 
 
-class Controller(ParameterizedNode[ControllerParameters]):
+class ControllerNode(ParameterizedNode[ControllerParameters]):
     """Answers each line_features with a cmd_twist of the same stamp; zero if it must not move, and ~/state says why."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("controller", ControllerParameters, **options)
         try:
-            self._servo = LineServo(self.parameters)
+            self._servo = ServoController(self.parameters)
         except PlsingError:
             self.destroy_node()
             raise
         parameters = self.parameters
-        self._zero_twists = ZeroTwists()
+        self._halt_messages = HaltMessages()
         self._latest: Command | None = None
         self._warning = ""
         # Made once and filled again: to make a message takes longer than to send it.
         self._twist_message = TwistStamped(header=Header(frame_id=parameters.tool_frame or parameters.camera_frame))
-        self._twist = self.publish_on(TwistStamped, "cmd_twist", qos.COMMAND)
-        self._state = self.publish_on(ControllerState, "~/state", qos.STATUS)
-        self.listen_to(LineFeatureArray, "line_features", self._or_halt(self._on_features), qos.SENSOR_DATA)
+        self._twist = self.advertise(TwistStamped, "cmd_twist", qos.COMMAND)
+        self._state = self.advertise(ControllerState, "~/state", qos.STATUS)
+        self.subscribe(LineFeatureArray, "line_features", self._or_halt(self._on_features), qos.SENSOR_DATA)
         # Where the target is a pose, the monitor learns from here where the task leads.
         self._desired: Publisher | None = None
         self._shown_target: Target | None = None
         if parameters.target_source == "topic":
-            self.listen_to(LineFeatureArray, "desired_line_features", self._or_halt(self._on_desired), qos.LATCHED)
+            self.subscribe(LineFeatureArray, "desired_line_features", self._or_halt(self._on_desired), qos.LATCHED)
         else:
-            self._desired = self.publish_on(LineFeatureArray, "desired_line_features", qos.LATCHED)
+            self._desired = self.advertise(LineFeatureArray, "desired_line_features", qos.LATCHED)
         if parameters.gate == "status":
-            self.listen_to(SingularityStatus, "singularity_status", self._or_halt(self._on_status), qos.STATUS)
-        self._way = self.publish_on(Path, "~/way", qos.LATCHED)
+            self.subscribe(SingularityStatus, "singularity_status", self._or_halt(self._on_status), qos.STATUS)
+        self._path = self.advertise(Path, "~/planned_path", qos.LATCHED)
         self._plan: Plan | None = None
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.create_service(SetBool, "~/enable", self._on_enable)
         self.create_service(CheckTarget, "~/check_target", self._or_halt(self._on_check_target))
-        self.every(parameters.watchdog_period, self._or_halt(self._on_watchdog))
+        self.create_steady_timer(parameters.watchdog_period, self._or_halt(self._on_watchdog))
         self._report_warning()
         self._show_target()
 
@@ -126,7 +126,7 @@ class Controller(ParameterizedNode[ControllerParameters]):
 
     def _on_check_target(self, request: CheckTarget.Request, response: CheckTarget.Response) -> CheckTarget.Response:
         frame = self.parameters.scene_frame
-        note = "" if self.parameters.law == "detour" else f"law {self.parameters.law} plans no way; detour would say: "
+        note = "" if self.parameters.law == "detour" else f"law {self.parameters.law} plans no path; detour would say: "
         try:
             return target_answer(
                 self._servo.check_target(*target_question(request, frame)), note, header(self.now(), frame)
@@ -162,7 +162,7 @@ class Controller(ParameterizedNode[ControllerParameters]):
         return guarded
 
     def _command(self, command: Command, stamp: int) -> None:
-        if self._zero_twists.to_be_published(command, self.parameters.zero_twists):
+        if self._halt_messages.to_be_published(command, self.parameters.zero_twists):
             fill_stamp(self._twist_message.header.stamp, stamp)
             fill_twist(self._twist_message.twist, command.output)
             self._twist.publish(self._twist_message)
@@ -170,19 +170,19 @@ class Controller(ParameterizedNode[ControllerParameters]):
             self._state.publish(
                 controller_state_message(command, self.parameters.law, header(stamp, self.parameters.camera_frame))
             )
-        self._publish_way(stamp)
+        self._publish_path(stamp)
         previous, self._latest = self._latest, command
         if previous is None or command.mode is not previous.mode:
             bad = _LEVELS[command.mode] in (DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
             self.report(f"{command.mode.name}  {command.reason}".strip(), good=not bad)
 
-    def _publish_way(self, stamp: int) -> None:
+    def _publish_path(self, stamp: int) -> None:
         plan = self._servo.plan
         if plan is self._plan:
             return
         self._plan = plan
-        poses = () if plan is None or plan.path is None else plan.path.sampled(_WAY_POSES)
-        self._way.publish(path_message(poses, header(stamp, self.parameters.scene_frame)))
+        poses = () if plan is None or plan.path is None else plan.path.sampled(_PATH_POSES)
+        self._path.publish(path_message(poses, header(stamp, self.parameters.scene_frame)))
         if plan is not None:
             self.report(f"{plan.decision.name}  {plan.reason}", good=plan.path is not None)
 
@@ -219,4 +219,4 @@ All parameters with units and ranges: config/controller.yaml"""
 
 def main() -> int:
     """Run the node."""
-    return run_node(Controller, __doc__.split("\n")[0], _EXAMPLES)
+    return run_node(ControllerNode, __doc__.split("\n")[0], _EXAMPLES)

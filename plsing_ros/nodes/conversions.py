@@ -19,12 +19,12 @@ from plsing_msgs.msg import (
 )
 from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
 from plsing_ros.arrays import Array
+from plsing_ros.control.command import Command
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry.pose import checked_twist
-from plsing_ros.servoing.command import Command
-from plsing_ros.servoing.monitoring.assessment import Assessment
-from plsing_ros.servoing.monitoring.levels import Level
+from plsing_ros.levels import Level
+from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.singularities import Kind, LocusDistance, SingularSet
 
 _SECOND = 1_000_000_000
@@ -187,11 +187,11 @@ def controller_state_message(command: Command, law: str, head: Header) -> Contro
         damping=command.damping,
         scale=command.scale,
         saturated=command.saturated,
-        way_progress=command.way_progress,
+        path_progress=command.path_progress,
     )
 
 
-def status_message(assessment: Assessment, found: SingularSet, frame: str) -> SingularityStatus:
+def status_message(assessment: Assessment, singular: SingularSet, frame: str) -> SingularityStatus:
     """Return the status of an assessment; what is not known is flagged and zero."""
     message = SingularityStatus(
         header=header(assessment.stamp, frame),
@@ -201,11 +201,11 @@ def status_message(assessment: Assessment, found: SingularSet, frame: str) -> Si
         nearest=locus_distance_message(assessment.nearest),
         trend=int(assessment.trend),
         position_source=assessment.position_source,
-        lost_motion_text=assessment.lost_motion_text,
+        unobservable_motion_text=assessment.unobservable_motion_text,
     )
-    if assessment.goal_inverse_condition_number is not None:
-        message.goal_valid = True
-        message.goal_inverse_condition_number = assessment.goal_inverse_condition_number
+    if assessment.target_inverse_condition_number is not None:
+        message.target_valid = True
+        message.target_inverse_condition_number = assessment.target_inverse_condition_number
     if assessment.time_to_critical is not None:
         message.time_to_critical_valid = True
         message.time_to_critical = assessment.time_to_critical
@@ -220,14 +220,14 @@ def status_message(assessment: Assessment, found: SingularSet, frame: str) -> Si
         message.scaled_inverse_condition_number = numbers.scaled_inverse_condition_number
         message.characteristic_length = numbers.characteristic_length
         message.singular_values = flat(numbers.singular_values)
-        message.lost_motion_valid = True
-        message.lost_motion = twist_message(numbers.weakest_motion)
+        message.unobservable_motion_valid = True
+        message.unobservable_motion = twist_message(numbers.least_observable_direction)
     if assessment.inverse_condition_number_rate is not None:
         message.rate_valid = True
         message.inverse_condition_number_rate = assessment.inverse_condition_number_rate
     if assessment.locus_distances is not None:
         message.distances_valid = True
-        message.locus_names = list(found.locus_names)
+        message.locus_names = list(singular.locus_names)
         message.locus_distances = flat(assessment.locus_distances)
     return message
 
@@ -257,22 +257,24 @@ def locus_distance_message(nearest: LocusDistance | None) -> LocusDistanceMessag
     )
 
 
-def loci_message(found: SingularSet, head: Header) -> SingularLoci:
+def loci_message(singular: SingularSet, head: Header) -> SingularLoci:
     """Return the singular set of a scene."""
-    lines, (points, directions) = found.lines, found.transversal_lines
+    lines, (points, directions) = singular.lines, singular.transversal_lines
     return SingularLoci(
         header=head,
         line_ids=list(lines.ids),
         line_points=flat(lines.point),
         line_directions=flat(lines.direction),
-        description=found.description,
-        transversal_names=[each.name for each in found.transversals],
+        description=singular.description,
+        transversal_names=[each.name for each in singular.transversals],
         transversal_points=flat(points),
         transversal_directions=flat(directions),
-        transversal_residuals=flat(np.array([each.residual for each in found.transversals])),
+        transversal_residuals=flat(np.array([each.residual for each in singular.transversals])),
         isolated_point_names=[
-            name for name, kind in zip(found.locus_names, found.locus_kinds, strict=True) if kind is Kind.ISOLATED_POINT
+            name
+            for name, kind in zip(singular.locus_names, singular.locus_kinds, strict=True)
+            if kind is Kind.ISOLATED_POINT
         ],
-        isolated_points=flat(found.isolated_points),
-        isolated_point_residuals=flat(found.isolated_point_residuals),
+        isolated_points=flat(singular.isolated_points),
+        isolated_point_residuals=flat(singular.isolated_point_residuals),
     )

@@ -30,7 +30,7 @@ class Diagnostics:
         self._cycles, self._latency, self._since = 0, 0.0, time.monotonic()
         # The absolute name that diagnostic tools listen to; it can still be remapped.
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        node.every(PERIOD, self._publish)
+        node.create_steady_timer(PERIOD, self._publish)
 
     def count(self, stamp: int) -> None:
         """Count a cycle that answered input of that stamp [ns]."""

@@ -22,14 +22,14 @@ from plsing_ros.nodes.conversions import (
     twist_from_message,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
+from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.pose_conversions import fill_pose
-from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import SimulatorParameters
-from plsing_ros.servoing.simulation import Frame, Simulation
+from plsing_ros.simulation.simulation import Frame, Simulation
 
 
-class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
+class FeatureSimulatorNode(ParameterizedNode[SimulatorParameters]):
     """Publishes line_features and camera_pose, integrates cmd_twist; ~/reset puts the camera back to its start."""
 
     def __init__(self, **options: Any) -> None:
@@ -42,19 +42,19 @@ class FeatureSimulator(ParameterizedNode[SimulatorParameters]):
         self._clock_message = Clock()
         self._pose_message = PoseWithCovarianceStamped(header=self._in_scene)
         self._features_message = LineFeatureArray(header=Header(frame_id=parameters.camera_frame))
-        self._features = self.publish_on(LineFeatureArray, "line_features", qos.SENSOR_DATA)
-        self._pose = self.publish_on(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
-        self._state = self.publish_on(SimulatorState, "~/state", qos.STATUS)
+        self._features = self.advertise(LineFeatureArray, "line_features", qos.SENSOR_DATA)
+        self._pose = self.advertise(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
+        self._state = self.advertise(SimulatorState, "~/state", qos.STATUS)
         self._clock_topic = (
             self.create_publisher(Clock, "/clock", qos.CLOCK) if self._lockstep and parameters.publish_clock else None
         )
-        self.listen_to(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
+        self.subscribe(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.create_service(Trigger, "~/reset", self._on_reset)
         if self._lockstep:
             if parameters.wait_for_status:
-                self.listen_to(SingularityStatus, "singularity_status", self._on_status, qos.STATUS)
-            self.every(parameters.resend_period, self._on_resend_timer)
+                self.subscribe(SingularityStatus, "singularity_status", self._on_status, qos.STATUS)
+            self.create_steady_timer(parameters.resend_period, self._on_resend_timer)
         else:
             self.create_timer(parameters.time_step, self._on_step_timer)
 
@@ -138,4 +138,4 @@ All parameters with units and ranges: config/feature_simulator.yaml"""
 
 def main() -> int:
     """Run the node."""
-    return run_node(FeatureSimulator, __doc__.split("\n")[0], _EXAMPLES)
+    return run_node(FeatureSimulatorNode, __doc__.split("\n")[0], _EXAMPLES)

@@ -11,10 +11,10 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from plsing_ros.arrays import Array
+from plsing_ros.figures.segments import segments_in_ball
 from plsing_ros.geometry import Pose
-from plsing_ros.geometry.segments import segments_in_ball
+from plsing_ros.levels import Level
 from plsing_ros.nodes.conversions import point_message
-from plsing_ros.servoing.monitoring.levels import Level
 from plsing_ros.singularities import SingularSet, surface_triangles
 
 # Lines are drawn within this many scene lengths (mean distance of the lines from their centre) of the scene's centre.
@@ -35,18 +35,18 @@ _LEVELS = {
 _UNKNOWN = ColorRGBA(r=0.5, g=0.5, b=0.5, a=1.0)
 
 
-def scene_markers(found: SingularSet, head: Header) -> MarkerArray:
+def scene_markers(singular: SingularSet, head: Header) -> MarkerArray:
     """Return the observed lines and everything singular; they last until they are replaced."""
-    center, radius = found.frame.center, _REACH * found.frame.length
+    center, radius = singular.frame.center, _REACH * singular.frame.length
     width = 0.004 * radius
     lines = _marker(head, "observed_lines", Marker.LINE_LIST, width, _OBSERVED)
-    lines.points = _points(segments_in_ball(found.lines.point, found.lines.direction, center, radius))
+    lines.points = _points(segments_in_ball(singular.lines.point, singular.lines.direction, center, radius))
     transversals = _marker(head, "transversals", Marker.LINE_LIST, width, _TRANSVERSAL)
-    transversals.points = _points(segments_in_ball(*found.transversal_lines, center, radius))
+    transversals.points = _points(segments_in_ball(*singular.transversal_lines, center, radius))
     isolated = _marker(head, "isolated_points", Marker.SPHERE_LIST, 6.0 * width, _POINT)
-    isolated.points = _points(found.isolated_points)
+    isolated.points = _points(singular.isolated_points)
     markers = [lines, transversals, isolated]
-    for number, surface in enumerate(found.surfaces):
+    for number, surface in enumerate(singular.surfaces):
         mesh = _marker(head, "surfaces", Marker.TRIANGLE_LIST, 1.0, _SURFACE, number)
         mesh.points = _points(surface_triangles(surface, center, 0.5 * radius))
         markers.append(mesh)
@@ -56,14 +56,14 @@ def scene_markers(found: SingularSet, head: Header) -> MarkerArray:
 
 
 class CameraMarkers:
-    """Frustum, path coloured by level, lost motion and text of a camera that moves through a scene."""
+    """Frustum, path coloured by level, unobservable motion and text of a camera that moves through a scene."""
 
-    def __init__(self, found: SingularSet) -> None:
-        self._size = 0.25 * found.frame.length
+    def __init__(self, singular: SingularSet) -> None:
+        self._size = 0.25 * singular.frame.length
         self._path: deque[tuple[Point, ColorRGBA]] = deque(maxlen=_PATH_LENGTH)
 
     def markers(
-        self, T_world_camera: Pose, level: Level, text: str, lost_motion: Array | None, head: Header
+        self, T_world_camera: Pose, level: Level, text: str, unobservable_motion: Array | None, head: Header
     ) -> MarkerArray:
         """Add a pose to the path and return all markers of the camera.
 
@@ -71,7 +71,7 @@ class CameraMarkers:
             T_world_camera: Where the camera is.
             level: Of concern, for the colour.
             text: Shown beside the camera.
-            lost_motion: Twist in the optical frame, shape (6,), or None.
+            unobservable_motion: Twist in the optical frame, shape (6,), or None.
             head: Stamp, and the scene's frame.
         """
         color = _LEVELS.get(level, _UNKNOWN)
@@ -88,13 +88,13 @@ class CameraMarkers:
         path.points, path.colors = (list(each) for each in zip(*self._path, strict=True))
         if len(self._path) < 2:
             path.action = Marker.DELETE  # a strip of one point is an error to the viewers
-        arrow = _marker(head, "lost_motion", Marker.ARROW, 0.06 * self._size, _POINT)
+        arrow = _marker(head, "unobservable_motion", Marker.ARROW, 0.06 * self._size, _POINT)
         arrow.scale.y, arrow.scale.z = 0.12 * self._size, 0.2 * self._size
-        length = 0.0 if lost_motion is None else float(np.linalg.norm(lost_motion[:3]))
-        if lost_motion is None or length < 1e-9:
+        length = 0.0 if unobservable_motion is None else float(np.linalg.norm(unobservable_motion[:3]))
+        if unobservable_motion is None or length < 1e-9:
             arrow.action = Marker.DELETE
         else:
-            tip = T_world_camera.translation + self._size / length * (T_world_camera.rotation @ lost_motion[:3])
+            tip = T_world_camera.translation + self._size / length * (T_world_camera.rotation @ unobservable_motion[:3])
             arrow.points = [center, point_message(tip)]
         return MarkerArray(markers=[frustum, path, note, arrow])
 

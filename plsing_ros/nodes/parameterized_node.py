@@ -78,15 +78,15 @@ class ParameterizedNode(Node, Generic[_P]):
         nanoseconds: int = self.get_clock().now().nanoseconds
         return nanoseconds
 
-    def publish_on(self, message_type: type, topic: str, profile: Any) -> Publisher:
+    def advertise(self, message_type: type, topic: str, profile: Any) -> Publisher:
         """Create a publisher whose quality of service can be overridden by parameters."""
         return self.create_publisher(message_type, topic, profile, qos_overriding_options=qos.overridable())
 
-    def listen_to(self, message_type: type, topic: str, callback: Callable[[Any], None], profile: Any) -> None:
+    def subscribe(self, message_type: type, topic: str, callback: Callable[[Any], None], profile: Any) -> None:
         """Create a subscription whose quality of service can be overridden by parameters."""
         self.create_subscription(message_type, topic, callback, profile, qos_overriding_options=qos.overridable())
 
-    def every(self, period: float, callback: Callable[[], None]) -> None:
+    def create_steady_timer(self, period: float, callback: Callable[[], None]) -> None:
         """Call back every period [s] of the wall clock, so also while a simulated clock stands still."""
         self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

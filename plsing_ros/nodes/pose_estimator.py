@@ -13,12 +13,12 @@ from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import features_message, header, nanoseconds, observation_from_message
 from plsing_ros.nodes.diagnostics import Diagnostics
+from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.pose_conversions import camera_pose_message, pose_estimate_message
-from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import PoseEstimatorParameters
 from plsing_ros.pose import Verdict
-from plsing_ros.servoing.pose_tracking import PoseTracking, TrackedPose
+from plsing_ros.pose.pose_tracker import PoseTracker, TrackedPose
 
 _DIAGNOSTIC_LEVELS = {
     Verdict.OK: DiagnosticStatus.OK,
@@ -28,7 +28,7 @@ _DIAGNOSTIC_LEVELS = {
 }
 
 
-class PoseEstimator(ParameterizedNode[PoseEstimatorParameters]):
+class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
     """Answers each line_features with ~/state, and with camera_pose and completed_line_features where there is a pose.
 
     A pose that another one is as plausible as is not published on camera_pose; the features completed with it carry
@@ -38,17 +38,17 @@ class PoseEstimator(ParameterizedNode[PoseEstimatorParameters]):
     def __init__(self, **options: Any) -> None:
         super().__init__("pose_estimator", PoseEstimatorParameters, **options)
         try:
-            self._tracking = PoseTracking(self.parameters)
+            self._tracking = PoseTracker(self.parameters)
         except PlsingError:
             self.destroy_node()
             raise
         self._latest: TrackedPose | None = None
-        self._pose = self.publish_on(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
-        self._completed = self.publish_on(LineFeatureArray, "completed_line_features", qos.SENSOR_DATA)
-        self._state = self.publish_on(PoseEstimate, "~/state", qos.STATUS)
+        self._pose = self.advertise(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
+        self._completed = self.advertise(LineFeatureArray, "completed_line_features", qos.SENSOR_DATA)
+        self._state = self.advertise(PoseEstimate, "~/state", qos.STATUS)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
-        self.listen_to(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
-        self.every(self.parameters.watchdog_period, self._on_watchdog)
+        self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
+        self.create_steady_timer(self.parameters.watchdog_period, self._on_watchdog)
 
     def apply(self, parameters: PoseEstimatorParameters) -> None:
         """Use changed parameters from the next features on."""
@@ -116,4 +116,4 @@ All parameters with units and ranges: config/pose_estimator.yaml"""
 
 def main() -> int:
     """Run the node."""
-    return run_node(PoseEstimator, __doc__.split("\n")[0], _EXAMPLES)
+    return run_node(PoseEstimatorNode, __doc__.split("\n")[0], _EXAMPLES)

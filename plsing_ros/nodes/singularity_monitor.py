@@ -13,6 +13,9 @@ from visualization_msgs.msg import MarkerArray
 from plsing_msgs.msg import LineFeatureArray, SingularityAlert, SingularityStatus, SingularLoci
 from plsing_msgs.srv import CheckPose
 from plsing_ros.errors import PlsingError
+from plsing_ros.levels import Level
+from plsing_ros.monitoring.assessment import Assessment
+from plsing_ros.monitoring.singularity_monitor import SingularityMonitor as Monitor
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     alert_message,
@@ -24,14 +27,11 @@ from plsing_ros.nodes.conversions import (
     twist_from_message,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
+from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.markers import CameraMarkers, scene_markers
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.pose_conversions import camera_pose_from_message, pose_from_message
-from plsing_ros.nodes.run import run_node
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.servoing.monitoring.assessment import Assessment
-from plsing_ros.servoing.monitoring.levels import Level
-from plsing_ros.servoing.monitoring.singularity_monitor import SingularityMonitor as Monitor
 
 _DIAGNOSTIC_LEVELS = {
     Level.OK: DiagnosticStatus.OK,
@@ -43,7 +43,7 @@ _DIAGNOSTIC_LEVELS = {
 }
 
 
-class SingularityMonitor(ParameterizedNode[MonitorParameters]):
+class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
     """Answers each line_features with a singularity_status, and each change of level with a singularity_alerts."""
 
     def __init__(self, **options: Any) -> None:
@@ -55,27 +55,27 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
             raise
         self._latest: Assessment | None = None
         self._drawn: Assessment | None = None
-        self._status = self.publish_on(SingularityStatus, "singularity_status", qos.STATUS)
-        self._alerts = self.publish_on(SingularityAlert, "singularity_alerts", qos.LATCHED)
-        self._loci = self.publish_on(SingularLoci, "singular_loci", qos.LATCHED)
-        self._scene_markers = self.publish_on(MarkerArray, "singularity_markers", qos.LATCHED)
-        self._camera_markers = self.publish_on(MarkerArray, "camera_markers", qos.LATCHED)
+        self._status = self.advertise(SingularityStatus, "singularity_status", qos.STATUS)
+        self._alerts = self.advertise(SingularityAlert, "singularity_alerts", qos.LATCHED)
+        self._loci = self.advertise(SingularLoci, "singular_loci", qos.LATCHED)
+        self._scene_markers = self.advertise(MarkerArray, "singularity_markers", qos.LATCHED)
+        self._camera_markers = self.advertise(MarkerArray, "camera_markers", qos.LATCHED)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
-        self.listen_to(PoseWithCovarianceStamped, "camera_pose", self._on_pose, qos.SENSOR_DATA)
-        self.listen_to(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
-        self.listen_to(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
-        self.listen_to(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
+        self.subscribe(PoseWithCovarianceStamped, "camera_pose", self._on_pose, qos.SENSOR_DATA)
+        self.subscribe(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
+        self.subscribe(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
+        self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         self.create_service(SetBool, "~/enable", self._on_enable)
         self.create_service(CheckPose, "~/check_pose", self._on_check_pose)
-        self.every(self.parameters.heartbeat_period, self._on_heartbeat)
-        self.every(self.parameters.marker_period, self._on_marker_timer)
+        self.create_steady_timer(self.parameters.heartbeat_period, self._on_heartbeat)
+        self.create_steady_timer(self.parameters.marker_period, self._on_marker_timer)
         self._publish_scene()
 
     def apply(self, parameters: MonitorParameters) -> None:
         """Use changed parameters from the next features on; a changed scene has its loci computed and published."""
-        before = self._monitor.found
+        before = self._monitor.singular_set
         self._monitor.parameters = parameters
-        if self._monitor.found is not before:
+        if self._monitor.singular_set is not before:
             self._publish_scene()
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
@@ -97,9 +97,9 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
 
     def _on_desired(self, message: LineFeatureArray) -> None:
         try:
-            self._monitor.set_goal(observation_from_message(message, self.parameters.camera_frame))
+            self._monitor.set_target(observation_from_message(message, self.parameters.camera_frame))
         except PlsingError as error:
-            self.get_logger().warning(f"desired_line_features not used as the goal: {error}")
+            self.get_logger().warning(f"desired_line_features not used as the target: {error}")
 
     def _on_features(self, message: LineFeatureArray) -> None:
         stamp = nanoseconds(message.header.stamp)
@@ -130,14 +130,14 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
             response.success, response.message = False, str(error)
         else:
             response.success, response.message = True, f"{assessment.level.name}: {assessment.reason}"
-            response.status = status_message(assessment, self._monitor.found, self.parameters.camera_frame)
+            response.status = status_message(assessment, self._monitor.singular_set, self.parameters.camera_frame)
             response.status.header.stamp = request.pose.header.stamp
         return response
 
     def _publish(self, assessment: Assessment) -> None:
         previous, self._latest = self._latest, assessment
         if self._status.get_subscription_count():
-            self._status.publish(status_message(assessment, self._monitor.found, self.parameters.camera_frame))
+            self._status.publish(status_message(assessment, self._monitor.singular_set, self.parameters.camera_frame))
         if previous is not None and previous.level is assessment.level:
             return
         before = assessment.level if previous is None else previous.level
@@ -154,7 +154,9 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
             latest.pose,
             latest.level,
             f"{latest.level.name}: {latest.reason}",
-            latest.conditioning.weakest_motion if latest.conditioning and latest.lost_motion_text else None,
+            latest.conditioning.least_observable_direction
+            if latest.conditioning and latest.unobservable_motion_text
+            else None,
             header(latest.stamp, self.parameters.scene_frame),
         )
         self._camera_markers.publish(markers)
@@ -171,7 +173,7 @@ class SingularityMonitor(ParameterizedNode[MonitorParameters]):
         )
 
     def _publish_scene(self) -> None:
-        found, head = self._monitor.found, header(self.now(), self.parameters.scene_frame)
+        found, head = self._monitor.singular_set, header(self.now(), self.parameters.scene_frame)
         self._loci.publish(loci_message(found, head))
         self._scene_markers.publish(scene_markers(found, head))
         self._camera = CameraMarkers(found)
@@ -190,4 +192,4 @@ All parameters with units and ranges: config/singularity_monitor.yaml"""
 
 def main() -> int:
     """Run the node."""
-    return run_node(SingularityMonitor, __doc__.split("\n")[0], _EXAMPLES)
+    return run_node(SingularityMonitorNode, __doc__.split("\n")[0], _EXAMPLES)

@@ -25,9 +25,9 @@ class ControllerParameters(LawParameters, AnswerParameters):
         choices=("pose", "topic"),
         live=False,
     )
-    least_target_condition: float = parameter(
+    min_target_condition: float = parameter(
         1e-6,
-        "target.least_condition",
+        "target.min_inverse_condition_number",
         "A target whose inverse condition number is below this is refused; 0: every target is accepted",
         minimum=0.0,
         maximum=1.0,

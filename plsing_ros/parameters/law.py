@@ -26,17 +26,18 @@ class LawParameters(TaskParameters):
     law: str = parameter(
         "pinv",
         "law",
-        "pinv (the paper's), dls (constant damping), adaptive_dls (damping near a singularity, along the lost motion), "
-        "guarded (slow where a locus is ahead, the lost motion limited), detour (along a way planned round the loci); "
+        "pinv (the paper's), dls (constant damping), adaptive_dls (damping along the unobservable motion near a "
+        "singularity), guarded (slow where a locus is ahead, the unobservable motion limited), detour (along a path "
+        "planned round the loci); "
         "see docs/controller.md",
         choices=("pinv", "dls", "adaptive_dls", "guarded", "detour"),
     )
     interaction: str = parameter(
         "auto",
         "interaction",
-        "The L that is inverted: at the current features, at the desired ones (then constant), or the mean of both; "
-        "auto: mean for guarded, desired for detour (there: on the way), where L at the target is known, else current",
-        choices=("auto", "current", "desired", "mean"),
+        "The L that is inverted: at the current features, at the target (then constant), or the mean of both; "
+        "auto: mean for guarded, target for detour (there: on the path), where L at the target is known, else current",
+        choices=("auto", "current", "target", "mean"),
     )
     gain: float = parameter(
         0.1, "gain", "lambda of the law tau = -lambda pinv(L) (s - s*)", unit="1/s", minimum=1e-6, maximum=1000.0
@@ -98,13 +99,13 @@ class LawParameters(TaskParameters):
     onset: float = parameter(
         0.5,
         "onset",
-        f"adaptive_dls, guarded: a singular value below this is taken as nearly lost, {_RELATIVE}",
+        f"adaptive_dls, guarded: a singular value below this is taken as nearly unobservable, {_RELATIVE}",
         minimum=1e-6,
         maximum=1.0,
     )
-    largest_damping: float = parameter(
+    max_damping: float = parameter(
         0.5,
-        "largest_damping",
+        "max_damping",
         f"adaptive_dls: damping of a singular value that is zero, {_RELATIVE}",
         minimum=0.0,
         maximum=1000.0,
@@ -124,32 +125,32 @@ class LawParameters(TaskParameters):
         minimum=1e-3,
         maximum=1.0,
     )
-    guard_lost_share: float = parameter(
+    guard_unobservable_share: float = parameter(
         1.0,
-        "guard.lost_share",
-        "guarded: the nearly lost motion may be as fast as this times the rest of the twist when its singular value is "
-        "half way down (docs/controller.md)",
+        "guard.unobservable_share",
+        "guarded: the nearly unobservable motion may be as fast as this times the rest of the twist when its singular "
+        "value is half way down (docs/controller.md)",
         minimum=0.0,
         maximum=1000.0,
     )
     detour_margin: float = parameter(
         0.2,
         "detour.margin",
-        "detour: distance that a way keeps from the loci, less where start or target are nearer themselves",
+        "detour: distance that a path keeps from the loci, less where start or target are nearer themselves",
         unit="m",
         minimum=1e-3,
         maximum=1000.0,
     )
     detour_linear_speed: float = parameter(
-        0.1, "detour.linear_speed", "detour: |v| along a way", unit="m/s", minimum=1e-6, maximum=1e6
+        0.1, "detour.linear_speed", "detour: |v| along a path", unit="m/s", minimum=1e-6, maximum=1e6
     )
     detour_angular_speed: float = parameter(
-        0.2, "detour.angular_speed", "detour: |omega| along a way", unit="rad/s", minimum=1e-6, maximum=1e6
+        0.2, "detour.angular_speed", "detour: |omega| along a path", unit="rad/s", minimum=1e-6, maximum=1e6
     )
     detour_replan_distance: float = parameter(
         0.3,
         "detour.replan_distance",
-        "detour: a new way is planned when the camera is farther than this from where it should be",
+        "detour: a new path is planned when the camera is farther than this from where it should be",
         unit="m",
         minimum=1e-3,
         maximum=1000.0,
@@ -162,9 +163,9 @@ class LawParameters(TaskParameters):
         minimum=0.0,
         maximum=1000.0,
     )
-    detour_largest_scale_error: float = parameter(
+    detour_max_scale_error: float = parameter(
         0.2,
-        "detour.largest_scale_error",
+        "detour.max_scale_error",
         "detour, to a target pose: a common scale of the 3-D lines that clearly contradicts the scene is corrected, by "
         "this share at most; 0: it is taken as right (docs/laws.md)",
         minimum=0.0,

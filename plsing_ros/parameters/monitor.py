@@ -16,7 +16,7 @@ _NUMBER = {"minimum": 0.0, "maximum": 1e12}
 _GROWTH = {"minimum": 0.0, "maximum": 1e6}
 
 
-class _Judged(NamedTuple):
+class _Monitored(NamedTuple):
     """A number that levels are judged by: its thresholds are four parameters, made from this one row.
 
     Attributes:
@@ -36,28 +36,28 @@ class _Judged(NamedTuple):
     rises: bool = False
 
 
-_JUDGED = {
-    "inverse_condition_number": _Judged("condition", 1e-3, 1e-4, "below this raw inverse condition number", _RATIO),
-    "relative_inverse_condition_number": _Judged(
+_MONITORED = {
+    "inverse_condition_number": _Monitored("condition", 1e-3, 1e-4, "below this raw inverse condition number", _RATIO),
+    "relative_inverse_condition_number": _Monitored(
         "relative_condition",
         0.02,
         0.005,
-        "below this ratio of the inverse condition number to its value at the goal",
+        "below this ratio of the inverse condition number to its value at the target",
         _NUMBER,
     ),
-    "smallest_singular_value": _Judged(
+    "smallest_singular_value": _Monitored(
         "singular_value", 0.0, 0.0, "below this smallest singular value of the raw interaction matrix", _NUMBER
     ),
-    "transversal_distance": _Judged(
+    "transversal_distance": _Monitored(
         "transversal_distance", 0.02, 0.005, "nearer than this to a transversal", _DISTANCE
     ),
-    "isolated_point_distance": _Judged(
+    "isolated_point_distance": _Monitored(
         "point_distance", 0.02, 0.005, "nearer than this to an isolated point", _DISTANCE
     ),
-    "surface_distance": _Judged(
+    "surface_distance": _Monitored(
         "surface_distance", 0.02, 0.005, "nearer than this to a plane, quadric or cubic of singular centres", _DISTANCE
     ),
-    "speed_growth": _Judged(
+    "speed_growth": _Monitored(
         "growth",
         9.0,
         20.0,
@@ -70,7 +70,7 @@ _JUDGED = {
 
 def _threshold_fields() -> Iterator[tuple[str, Any]]:
     """Yield the fields of all thresholds: of each number warn, its exit, critical, its exit."""
-    for name, (field, warn, critical, condition, details, rises) in _JUDGED.items():
+    for name, (field, warn, critical, condition, details, rises) in _MONITORED.items():
         better, factor = ("at or below", "1/1.2 of") if rises else ("at or above", "1.2 times")
         for level, default in (("warn", warn), ("critical", critical)):
             text = f"{level.upper()} {condition}; 0 switches it off"
@@ -96,7 +96,8 @@ class MonitorParameters(TaskParameters):
     condition_thresholds: str = parameter(
         "auto",
         "condition_thresholds",
-        "Which thresholds on the inverse condition number rule. auto: relative while the goal is known, else absolute",
+        "Which thresholds on the inverse condition number rule; auto: relative while the target is known, else "
+        "absolute",
         choices=("auto", "absolute", "relative", "both"),
     )
     raise_cycles: int = parameter(
@@ -113,15 +114,15 @@ class MonitorParameters(TaskParameters):
         minimum=0.0,
         maximum=60.0,
     )
-    preview_rules: bool = parameter(
+    rollout_rules: bool = parameter(
         True,
-        "prediction.preview_rules",
-        "While cmd_twist follows the plain law, only the speed expected from a preview of that law alerts, not that a "
+        "prediction.rollout_rules",
+        "While cmd_twist follows the plain law, only the speed expected from a roll-out of that law alerts, not that a "
         "singularity is near; false: both alert",
     )
-    least_speed: float = parameter(
+    min_speed: float = parameter(
         1e-3,
-        "prediction.least_speed",
+        "prediction.min_speed",
         "A speed below this is no motion: growth is counted from at least this",
         unit="m/s",
         minimum=1e-9,
@@ -135,7 +136,7 @@ class MonitorParameters(TaskParameters):
         maximum=1000,
     )
     target_known: bool = parameter(
-        False, "target.known", "Whether target.position and target.orientation are the goal of the task"
+        False, "target.known", "Whether target.position and target.orientation are the target of the task"
     )
     twist_timeout: float = parameter(
         0.3,
@@ -191,16 +192,16 @@ class MonitorParameters(TaskParameters):
     def check(self) -> None:
         """Refuse thresholds in the wrong order, and a target that is no pose."""
         super().check()
-        for name, judged in _JUDGED.items():
+        for name, monitored in _MONITORED.items():
             warn, warn_exit, critical, critical_exit = self.thresholds(name)
-            least, side = ("most", "above") if judged.rises else ("least", "below")
+            least, side = ("most", "above") if monitored.rises else ("least", "below")
             for level, entering, leaving in (("warn", warn, warn_exit), ("critical", critical, critical_exit)):
-                if entering > 0.0 and leaving > 0.0 and _is_worse(leaving, entering, judged.rises):
+                if entering > 0.0 and leaving > 0.0 and _is_worse(leaving, entering, monitored.rises):
                     raise ParameterError(
                         f"parameter '{level}.{name}_exit' is {leaving:g}, {side} '{level}.{name}' = {entering:g}; "
                         f"it must be at {least} that, or 0"
                     )
-            if critical > 0.0 and _is_worse(warn, critical, judged.rises):
+            if critical > 0.0 and _is_worse(warn, critical, monitored.rises):
                 raise ParameterError(
                     f"parameter 'warn.{name}' is {warn:g}, {side} 'critical.{name}' = {critical:g}; "
                     f"it must be at {least} that, so that the warning comes first"
@@ -209,7 +210,7 @@ class MonitorParameters(TaskParameters):
 
     def thresholds(self, name: str) -> tuple[float, float, float, float]:
         """Return warn, its exit, critical, its exit of a number by its ROS name, for example "transversal_distance"."""
-        field = _JUDGED[name].field
+        field = _MONITORED[name].field
         warn, warn_exit, critical, critical_exit = (
             float(getattr(self, f"{level}_{field}{end}")) for level in ("warn", "critical") for end in ("", "_exit")
         )

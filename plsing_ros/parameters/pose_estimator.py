@@ -43,18 +43,18 @@ class EstimationParameters(ParameterSet):
         choices=("numpy", "poselib"),
         live=False,
     )
-    largest_angle: float = parameter(
+    max_angle: float = parameter(
         1.5707963267948966,
-        "largest_angle",
+        "max_angle",
         "A line is visible within this angle of the optical axis; half of the diagonal field of view, "
         "or pi/2 if not known",
         unit="rad",
         minimum=0.01,
         maximum=1.5707963267948966,
     )
-    most_triplets: int = parameter(
+    max_triplets: int = parameter(
         40,
-        "most_triplets",
+        "max_triplets",
         "Triplets of lines that are tried, the best conditioned ones, when some lines do not agree with the others",
         minimum=4,
         maximum=1000,
@@ -74,7 +74,7 @@ class EstimationParameters(ParameterSet):
         minimum=0.0,
         maximum=100.0,
     )
-    most_position_deviation: float = parameter(
+    max_position_deviation: float = parameter(
         0.03,
         "poor.position_deviation",
         "POOR above this standard deviation of the position in its worst direction",
@@ -82,7 +82,7 @@ class EstimationParameters(ParameterSet):
         minimum=1e-9,
         maximum=1e6,
     )
-    most_rotation_deviation: float = parameter(
+    max_rotation_deviation: float = parameter(
         0.03,
         "poor.rotation_deviation",
         "POOR above this standard deviation of the orientation about its worst axis",
@@ -90,7 +90,7 @@ class EstimationParameters(ParameterSet):
         minimum=1e-9,
         maximum=10.0,
     )
-    most_nonlinearity: float = parameter(
+    max_nonlinearity: float = parameter(
         0.5,
         "poor.nonlinearity",
         "POOR, and the covariance not to be trusted, when the misfit two standard deviations away differs by more than "
@@ -98,7 +98,7 @@ class EstimationParameters(ParameterSet):
         minimum=0.01,
         maximum=10.0,
     )
-    most_residual: float = parameter(
+    max_residual: float = parameter(
         3.0,
         "poor.residual",
         "POOR when the root mean square residual exceeds this many standard deviations",
@@ -112,7 +112,7 @@ class EstimationParameters(ParameterSet):
         minimum=1.0,
         maximum=1e6,
     )
-    least_plausibility: float = parameter(
+    min_likelihood_ratio: float = parameter(
         1e-3,
         "ambiguous.plausibility",
         "AMBIGUOUS when another pose is at least this plausible against the best one, as a ratio of likelihoods",
@@ -128,10 +128,10 @@ class EstimationParameters(ParameterSet):
                 "parameters 'noise.image', 'noise.scene' and 'noise.camera' are all 0; at least one must be positive, "
                 "or no error could be told from the other"
             )
-        if self.failed_residual < self.most_residual:
+        if self.failed_residual < self.max_residual:
             raise ParameterError(
                 f"parameter 'failed.residual' is {self.failed_residual}; it must be at least 'poor.residual', "
-                f"{self.most_residual}"
+                f"{self.max_residual}"
             )
 
 
@@ -147,7 +147,7 @@ class PoseEstimatorParameters(EstimationParameters, AnswerParameters):
         minimum=0.0,
         maximum=60.0,
     )
-    most_linear_speed: float = parameter(
+    max_linear_speed: float = parameter(
         1.0,
         "motion.linear_speed",
         "The camera moves no faster than this: poses that it cannot have reached since the last one are ruled out",
@@ -155,7 +155,7 @@ class PoseEstimatorParameters(EstimationParameters, AnswerParameters):
         minimum=0.0,
         maximum=1e6,
     )
-    most_angular_speed: float = parameter(
+    max_angular_speed: float = parameter(
         2.0,
         "motion.angular_speed",
         "The camera turns no faster than this, likewise",

@@ -1,8 +1,8 @@
 """Camera poses from image lines, with what is known about their errors."""
 
-from plsing_ros.pose.completion import completed_observation
 from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate
 from plsing_ros.pose.estimator import PoseEstimator
+from plsing_ros.pose.line_lifting import lift_lines
 from plsing_ros.pose.minimal_solver import solve_three_lines
 
 __all__ = [
@@ -10,7 +10,7 @@ __all__ = [
     "PoseEstimate",
     "PoseEstimator",
     "Verdict",
-    "completed_observation",
     "failed_estimate",
+    "lift_lines",
     "solve_three_lines",
 ]

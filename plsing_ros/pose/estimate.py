@@ -31,7 +31,7 @@ class Alternative:
     """
 
     T_world_camera: Pose
-    plausibility: float
+    likelihood_ratio: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +51,9 @@ class PoseEstimate:
         nonlinearity: By which share the misfit two standard deviations away differs from what the covariance says; at
             most 1e6.
         inverse_condition_number: Of the interaction matrix of the lines used, raw, in [0, 1].
-        weak_direction: Unit twist (v [m/s], omega [rad/s]) in the optical frame that the image says least about,
-            shape (6,).
-        weak_standard_deviation: Standard deviation of the pose along it.
+        least_observable_direction: Unit twist (v [m/s], omega [rad/s]) in the optical frame that the image says least
+            about, shape (6,).
+        least_observable_standard_deviation: Standard deviation of the pose along it.
         residual: Root mean square of the residuals over the lines used, in standard deviations, corrected for the six
             degrees of freedom that the pose takes: 1 if the noise is as stated. 0 for three lines.
         nearest: The locus nearest to the camera other than the observed lines; None if there is none.
@@ -73,8 +73,8 @@ class PoseEstimate:
     rotation_deviation: float
     nonlinearity: float
     inverse_condition_number: float
-    weak_direction: Array
-    weak_standard_deviation: float
+    least_observable_direction: Array
+    least_observable_standard_deviation: float
     residual: float
     nearest: LocusDistance | None
     alternatives: tuple[Alternative, ...]
@@ -96,8 +96,8 @@ def failed_estimate(reason: str) -> PoseEstimate:
         rotation_deviation=0.0,
         nonlinearity=0.0,
         inverse_condition_number=0.0,
-        weak_direction=np.zeros(6),
-        weak_standard_deviation=0.0,
+        least_observable_direction=np.zeros(6),
+        least_observable_standard_deviation=0.0,
         residual=0.0,
         nearest=None,
         alternatives=(),

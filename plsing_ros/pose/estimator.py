@@ -18,11 +18,11 @@ from plsing_ros.pose.covariance import Uncertainty, uncertainty
 from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate
 from plsing_ros.pose.hypotheses import Costs, Hypothesis, all_lines_hypotheses, outlier_hypotheses
 from plsing_ros.pose.residuals import ImageResiduals, LineNoise, residual_settings
-from plsing_ros.pose.seen_scene import SeenScene
-from plsing_ros.pose.verdict import judge
+from plsing_ros.pose.verdict import grade
+from plsing_ros.pose.visible_lines import VisibleLines
 
 # Sets of lines seen together whose preparation is kept.
-_MOST_SCENES = 64
+_MAX_SCENES = 64
 # Two poses differ when the covariance puts them apart by more than this, squared.
 _APART = 9.0
 
@@ -42,9 +42,9 @@ class PoseEstimator:
         self.lines = lines
         self.settings = settings if settings is not None else EstimationParameters()
         self._row_of = {i: row for row, i in enumerate(lines.ids)}
-        self._scenes: dict[tuple[int, ...], SeenScene] = {}
+        self._scenes: dict[tuple[int, ...], VisibleLines] = {}
         noise = LineNoise(self.settings.noise_image, self.settings.noise_scene, self.settings.noise_camera)
-        self._residual_settings = residual_settings(noise, self.settings.largest_angle)
+        self._residual_settings = residual_settings(noise, self.settings.max_angle)
         self._costs = Costs(self.settings.outlier_gate**2, self.settings.reversal_cost)
         if len(lines) >= 3:
             self._scene(lines.ids)
@@ -86,15 +86,15 @@ class PoseEstimator:
             return failed_estimate("the image does not determine the pose: a motion of the camera moves no line")
         return self._described(scene, best, found, spread)
 
-    def _scene(self, ids: tuple[int, ...]) -> SeenScene:
+    def _scene(self, ids: tuple[int, ...]) -> VisibleLines:
         if ids not in self._scenes:
-            if len(self._scenes) >= _MOST_SCENES:
+            if len(self._scenes) >= _MAX_SCENES:
                 self._scenes.pop(next(iter(self._scenes)))
-            self._scenes[ids] = SeenScene(self.lines.select([self._row_of[i] for i in ids]), self.settings)
+            self._scenes[ids] = VisibleLines(self.lines.select([self._row_of[i] for i in ids]), self.settings)
         return self._scenes[ids]
 
     def _hypotheses(
-        self, scene: SeenScene, image: ImageResiduals, image_lines: Array, last: Pose | None
+        self, scene: VisibleLines, image: ImageResiduals, image_lines: Array, last: Pose | None
     ) -> list[Hypothesis]:
         """Return the poses that explain the image, best first."""
         rotation, translation = _with_last(*scene.triplets.candidates(image_lines), last)
@@ -111,29 +111,29 @@ class PoseEstimator:
         """Return the best hypothesis, or of those that are about as plausible the one closest to the last pose."""
         if last is None:
             return found[0]
-        least = self.settings.least_plausibility
-        plausible = [each for each in found if each.plausibility(found[0]) >= least]
+        least = self.settings.min_likelihood_ratio
+        plausible = [each for each in found if each.likelihood_ratio(found[0]) >= least]
         return min(plausible, key=lambda each: float(np.linalg.norm(each.center - last.translation)))
 
     def _described(
-        self, scene: SeenScene, best: Hypothesis, found: list[Hypothesis], spread: Uncertainty
+        self, scene: VisibleLines, best: Hypothesis, found: list[Hypothesis], spread: Uncertainty
     ) -> PoseEstimate:
         settings = self.settings
         pose = Pose(best.rotation.T, best.center)
         others: list[Hypothesis] = []
         for each in found:
-            if each is best or each.plausibility(best) < settings.least_plausibility:
+            if each is best or each.likelihood_ratio(best) < settings.min_likelihood_ratio:
                 continue
             if not any(_same(each, other) for other in (best, *others)) and self._differs(best, each, spread):
                 others.append(each)
         alternatives = tuple(
-            Alternative(Pose(each.rotation.T, each.center), each.plausibility(best)) for each in others
+            Alternative(Pose(each.rotation.T, each.center), each.likelihood_ratio(best)) for each in others
         )
         used = [weight > 0.0 for weight in best.weight.tolist()]
         freedom = 2 * sum(used) - 6
         residual = math.sqrt(spread.squared_residual / freedom) if freedom > 0 else 0.0
         nearest = scene.singular.nearest_locus(pose.translation)
-        verdict, reason = judge(spread, residual, alternatives, nearest, settings)
+        verdict, reason = grade(spread, residual, alternatives, nearest, settings)
         if verdict is Verdict.FAILED:
             return failed_estimate(reason)
         ids, against = scene.lines.ids, best.residuals.reversed[0].tolist()
@@ -143,13 +143,13 @@ class PoseEstimator:
             reason=reason,
             T_world_camera=pose,
             covariance=spread.covariance,
-            covariance_trusted=spread.nonlinearity <= settings.most_nonlinearity and not alternatives,
+            covariance_trusted=spread.nonlinearity <= settings.max_nonlinearity and not alternatives,
             position_deviation=spread.position_deviation,
             rotation_deviation=spread.rotation_deviation,
             nonlinearity=spread.nonlinearity,
             inverse_condition_number=spread.inverse_condition_number,
-            weak_direction=spread.axes[0],
-            weak_standard_deviation=float(spread.deviation[0]),
+            least_observable_direction=spread.axes[0],
+            least_observable_standard_deviation=float(spread.deviation[0]),
             residual=residual,
             nearest=nearest,
             alternatives=alternatives,
@@ -164,8 +164,8 @@ class PoseEstimator:
         shift = second.center - first.center
         turn = rotation_vector(second.rotation.T @ first.rotation)
         limits = self.settings
-        if np.linalg.norm(shift) <= limits.most_position_deviation and (
-            np.linalg.norm(turn) <= limits.most_rotation_deviation
+        if np.linalg.norm(shift) <= limits.max_position_deviation and (
+            np.linalg.norm(turn) <= limits.max_rotation_deviation
         ):
             return False
         in_camera = np.concatenate([first.rotation @ shift, first.rotation @ turn])

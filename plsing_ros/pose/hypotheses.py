@@ -50,7 +50,7 @@ class Hypothesis:
         """At this pose alone (k = 1)."""
         return self.image.at(self.rotation[np.newaxis], self.translation[np.newaxis])
 
-    def plausibility(self, other: Hypothesis) -> float:
+    def likelihood_ratio(self, other: Hypothesis) -> float:
         """Return its likelihood over that of another one, at most 1."""
         return math.exp(-0.5 * max(0.0, self.cost - other.cost))
 

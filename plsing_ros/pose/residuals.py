@@ -28,14 +28,14 @@ class LineNoise:
     camera: float = 0.0
 
 
-def residual_settings(noise: LineNoise, largest_angle: float = math.pi / 2) -> Array:
+def residual_settings(noise: LineNoise, max_angle: float = math.pi / 2) -> Array:
     """Return what residuals depend on besides lines, shape (4,).
 
     Args:
         noise: Of images and lines.
-        largest_angle: Half of the field of view [rad], up to pi/2.
+        max_angle: Half of the field of view [rad], up to pi/2.
     """
-    return np.array([noise.image, noise.scene, noise.camera, math.cos(largest_angle)])
+    return np.array([noise.image, noise.scene, noise.camera, math.cos(max_angle)])
 
 
 @dataclass(frozen=True, eq=False)

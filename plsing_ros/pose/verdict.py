@@ -8,7 +8,7 @@ from plsing_ros.pose.estimate import Alternative, Verdict
 from plsing_ros.singularities import LocusDistance
 
 
-def judge(
+def grade(
     found: Uncertainty,
     residual: float,
     alternatives: tuple[Alternative, ...],
@@ -32,27 +32,27 @@ def judge(
     if alternatives:
         return Verdict.AMBIGUOUS, (
             f"{len(alternatives)} other pose(s) explain the image, too, the best with plausibility "
-            f"{alternatives[0].plausibility:.2g}"
+            f"{alternatives[0].likelihood_ratio:.2g}"
         )
     where = f"; {nearest.distance:.3g} m from {nearest.name}" if nearest is not None else ""
-    if found.nonlinearity > limits.most_nonlinearity:
+    if found.nonlinearity > limits.max_nonlinearity:
         return Verdict.POOR, (
             f"the covariance cannot be trusted: two standard deviations away the misfit differs by "
-            f"{found.nonlinearity:.2g} of what it says, above {limits.most_nonlinearity:g}{where}"
+            f"{found.nonlinearity:.2g} of what it says, above {limits.max_nonlinearity:g}{where}"
         )
-    if found.position_deviation > limits.most_position_deviation:
+    if found.position_deviation > limits.max_position_deviation:
         return Verdict.POOR, (
             f"the position is uncertain by {found.position_deviation:.3g} m, above "
-            f"{limits.most_position_deviation:g} m{where}"
+            f"{limits.max_position_deviation:g} m{where}"
         )
-    if found.rotation_deviation > limits.most_rotation_deviation:
+    if found.rotation_deviation > limits.max_rotation_deviation:
         return Verdict.POOR, (
             f"the orientation is uncertain by {found.rotation_deviation:.3g} rad, above "
-            f"{limits.most_rotation_deviation:g} rad{where}"
+            f"{limits.max_rotation_deviation:g} rad{where}"
         )
-    if residual > limits.most_residual:
+    if residual > limits.max_residual:
         return Verdict.POOR, (
-            f"the residual is {residual:.3g} standard deviations, above {limits.most_residual:g}: wrong matches, or "
+            f"the residual is {residual:.3g} standard deviations, above {limits.max_residual:g}: wrong matches, or "
             "more noise than stated"
         )
     return Verdict.OK, ""

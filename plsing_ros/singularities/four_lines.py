@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from plsing_ros.arrays import Array, BoolArray
+from plsing_ros.singularities.homotopy import Limits, limits_of_ten_points
 from plsing_ros.singularities.isolated_points import ComplexArray, TenPoints, solve_ten_points
-from plsing_ros.singularities.limits import Limits, limits_of_ten_points
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import TransversalAnalysis

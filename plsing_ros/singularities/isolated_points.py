@@ -26,9 +26,9 @@ import numpy.typing as npt
 
 from plsing_ros import kernels
 from plsing_ros.arrays import Array, BoolArray
-from plsing_ros.singularities.kernel_pencil import bilinear_tensor, motions_from_centers, newton
+from plsing_ros.singularities.bilinear_system import bilinear_tensor, motions_from_centers, newton
+from plsing_ros.singularities.lapack import eigenvectors_up
 from plsing_ros.singularities.residual import residuals_and_distances
-from plsing_ros.singularities.small_matrices import eigenvectors_up
 from plsing_ros.singularities.ternary_forms import basis_values, half_sphere_points, multiplication_maps
 
 ComplexArray = npt.NDArray[np.complex128]

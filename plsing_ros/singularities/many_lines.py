@@ -10,6 +10,8 @@ import numpy.typing as npt
 import scipy.linalg
 
 from plsing_ros.arrays import Array, cross
+from plsing_ros.singularities.bilinear_system import bilinear_tensor, newton
+from plsing_ros.singularities.degenerate_scenes import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.four_lines import (
     IsolatedPoints,
     IsolatedStatus,
@@ -18,11 +20,9 @@ from plsing_ros.singularities.four_lines import (
     no_points,
 )
 from plsing_ros.singularities.isolated_points import RESIDUAL_TOLERANCE, ComplexArray, solve_ten_points
-from plsing_ros.singularities.kernel_pencil import bilinear_tensor, newton
 from plsing_ros.singularities.parallel_classes import plane_difference, planes_with_isolated_points
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
-from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.surfaces import transversal_surfaces
 from plsing_ros.singularities.transversals import (
     TransversalAnalysis,

@@ -17,7 +17,7 @@ from plsing_ros.geometry import LineSet
 CONCURRENCY_TOLERANCE = 1e-9
 
 # The same in metres for lines that meet at the origin itself.
-_SMALLEST_LENGTH = 1e-12
+_MIN_LENGTH = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ def scene_coordinates(direction: Array, foot: Array) -> tuple[Array, Array, Arra
     """
     scenes = len(direction)
     center, length, relative = np.empty((scenes, 3)), np.empty(scenes), np.empty(direction.shape)
-    limits = CONCURRENCY_TOLERANCE, _SMALLEST_LENGTH
+    limits = CONCURRENCY_TOLERANCE, _MIN_LENGTH
     if not kernels.scene_coordinates(direction, foot, center, length, relative, *limits):
         raise GeometryError("the lines are too far apart for their scene frame to be finite")
     return center, length, relative

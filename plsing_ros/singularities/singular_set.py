@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,17 +14,14 @@ from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
 from plsing_ros.geometry.pose import FARTHEST, checked_position
 from plsing_ros.singularities.cases import Case, classify
-from plsing_ros.singularities.certificate import Certificate
-from plsing_ros.singularities.certification import proofs_about
+from plsing_ros.singularities.degenerate_scenes import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, isolated_points_of_four, no_points
 from plsing_ros.singularities.isolated_points import ComplexArray
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
-from plsing_ros.singularities.lost_motion import LostMotion, lost_motions
 from plsing_ros.singularities.many_lines import isolated_points_of_many
 from plsing_ros.singularities.nearest_transversal import NearestTransversal, nearest_transversal
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
-from plsing_ros.singularities.structure import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.surfaces import Surface, plane_surface, three_line_cubic, transversal_surfaces
 from plsing_ros.singularities.transversals import (
     Transversal,
@@ -36,8 +33,7 @@ from plsing_ros.singularities.transversals import (
     order_of_loci,
     places_along,
 )
-
-_NO_PROOFS = "No proofs were asked for."
+from plsing_ros.singularities.unobservable_motion import UnobservableMotion, unobservable_motions
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +55,6 @@ class SingularSet:
         note: What became of the isolated points of a general scene, or why every centre is singular; empty if there is
             nothing to add.
         frame: The scene coordinates everything was computed in.
-        certificates: Proofs, if they were asked for, one for each transversal, real point and conjugate pair.
-        certification: What certificates prove and what they do not, as a sentence.
     """
 
     lines: LineSet
@@ -76,8 +70,6 @@ class SingularSet:
     singular_everywhere: bool
     note: str
     frame: SceneFrame
-    certificates: tuple[Certificate, ...] = ()
-    certification: str = _NO_PROOFS
 
     @cached_property
     def description(self) -> str:
@@ -184,12 +176,12 @@ class SingularSet:
         """The line that comes nearest to meeting all lines, with how far it misses each."""
         return nearest_transversal(SceneFrame.of(self.lines))
 
-    def lost_motions(self, camera_center: npt.ArrayLike) -> tuple[LostMotion, ...]:
-        """Return the motions that move no image line at a camera centre, see lost_motion.lost_motions."""
-        return lost_motions(self.lines, camera_center)
+    def unobservable_motions(self, camera_center: npt.ArrayLike) -> tuple[UnobservableMotion, ...]:
+        """Return the motions that move no image line at a camera centre, see unobservable_motions."""
+        return unobservable_motions(self.lines, camera_center)
 
 
-def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
+def singular_set(lines: LineSet) -> SingularSet:
     """Return all singular camera centres of n lines.
 
     Any number of lines is answered; fewer than three, parallel or concurrent lines are singular everywhere, which is
@@ -197,11 +189,6 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
 
     Args:
         lines: n >= 1 lines in any frame that is fixed to them.
-        certify: Also prove, in interval arithmetic, that a true transversal or isolated point is near each one found;
-            for more than four distinct lines, of four of them (Certificate.lines). If all coordinates are rational
-            with small numbers (rational_lines), prove in exact arithmetic too what meets all lines, that there are no
-            other isolated points, and the polynomials of surfaces. Takes about a second for four lines, a few for
-            integers of four digits or many lines; needs mpmath and sympy.
 
     Raises:
         GeometryError: If a line is farther than 1e50 m from the origin, so that products of lengths overflow.
@@ -218,7 +205,7 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
     rows = distinct_rows(frame)
     reason = singular_everywhere_reason(frame, len(rows))
     if reason is not None:
-        everywhere = _assembled(
+        return _assembled(
             lines,
             frame,
             Case.SINGULAR_EVERYWHERE,
@@ -227,7 +214,6 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
             (),
             no_points(IsolatedStatus.EVERYWHERE, reason),
         )
-        return _certified(everywhere, lines.select(rows)) if certify else everywhere
     reduced = frame if len(rows) == len(lines) else SceneFrame.of(lines.select(rows))
     analysis = analyze_transversals(reduced)
     foot, direction = finite_transversals(analysis)
@@ -246,13 +232,7 @@ def singular_set(lines: LineSet, certify: bool = False) -> SingularSet:
         )
     residual = singularity_residuals(reduced.point, reduced.direction, places_along(foot, direction))
     transversals = named_transversals(reduced, foot, direction, residual)
-    found = _assembled(lines, reduced, case, analysis, transversals, surfaces, isolated)
-    return _certified(found, lines.select(rows)) if certify else found
-
-
-def _certified(found: SingularSet, distinct: LineSet) -> SingularSet:
-    certificates, certification = proofs_about(found, distinct)
-    return replace(found, certificates=certificates, certification=certification)
+    return _assembled(lines, reduced, case, analysis, transversals, surfaces, isolated)
 
 
 def _assembled(

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from plsing_ros.arrays import Array, checked_array, cross
 from plsing_ros.geometry.pose import checked_position
-from plsing_ros.singularities.kernel_pencil import minus_skew
+from plsing_ros.singularities.bilinear_system import minus_skew
 from plsing_ros.singularities.loci import Kind
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.transversals import TransversalAnalysis, TransversalFamily

@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from plsing_ros.arrays import Array, cross
+from plsing_ros.singularities.lapack import right_singular_vectors
 from plsing_ros.singularities.residual import NO_PLACES
 from plsing_ros.singularities.scene_frame import SceneFrame
-from plsing_ros.singularities.small_matrices import right_singular_vectors
 
 # Everything here is of order one in the scene frame; what is below this is zero. Rounded coordinates leave 1e-15, and
 # 1e-12 in a scene a thousand scene lengths from the origin, so that a scene that was meant to be special is seen as it.

@@ -1,5 +1,5 @@
 from plsing_ros.cli.analyze import main
-from plsing_ros.experiments.config_files import config_file
+from plsing_ros.parameters.config_files import config_file
 
 PAPER = str(config_file("paper_p4l.yaml"))
 

@@ -4,7 +4,7 @@ import matplotlib.image
 import pytest
 
 from plsing_ros.cli import demo
-from plsing_ros.experiments import near_transversal
+from plsing_ros.simulation import near_transversal
 
 
 def test_runs_a_start_and_leaves_a_table_and_figures(tmp_path, capfd, monkeypatch):

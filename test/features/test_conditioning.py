@@ -30,8 +30,8 @@ def test_the_scaled_one_does_not_depend_on_the_unit_of_length(lines):
 def test_the_weakest_motion_changes_the_image_by_the_smallest_singular_value(lines):
     interaction = interaction_matrix(lines)
     numbers = conditioning(interaction)
-    assert np.linalg.norm(numbers.weakest_motion) == pytest.approx(1.0)
-    change = np.linalg.norm(interaction @ numbers.weakest_motion)
+    assert np.linalg.norm(numbers.least_observable_direction) == pytest.approx(1.0)
+    change = np.linalg.norm(interaction @ numbers.least_observable_direction)
     assert change == pytest.approx(numbers.smallest_singular_value, rel=1e-6, abs=1e-12)
 
 

@@ -19,7 +19,7 @@ def seen(lines, T_world_camera):
 @given(lines_camera=seen_lines(), T_world_camera=poses(), twist=twists())
 def test_matches_central_differences_of_the_moved_camera(lines_camera, T_world_camera, twist):
     lines = lines_camera.transformed(T_world_camera, "world")
-    after, before = (project_lines(seen(lines, T_world_camera.moved(twist, h))) for h in (STEP, -STEP))
+    after, before = (project_lines(seen(lines, T_world_camera.integrate(twist, h))) for h in (STEP, -STEP))
     rate = interaction_matrix(lines_camera) @ twist
     np.testing.assert_allclose(rate, (after - before) / (2 * STEP), atol=1e-5, rtol=1e-5)
 

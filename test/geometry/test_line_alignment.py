@@ -19,8 +19,8 @@ def spread(lines):
 def test_the_pose_comes_back(lines, pose):
     assume(spread(lines) > 0.2)
     found = align_lines(lines, lines.transformed(pose.inverse(), "camera"))
-    np.testing.assert_allclose(found.T_scene_camera.rotation, pose.rotation, atol=1e-6)
-    np.testing.assert_allclose(found.T_scene_camera.translation, pose.translation, atol=1e-5)
+    np.testing.assert_allclose(found.T_world_camera.rotation, pose.rotation, atol=1e-6)
+    np.testing.assert_allclose(found.T_world_camera.translation, pose.translation, atol=1e-5)
     assert found.angle < 1e-6 and found.offset < 1e-5
 
 
@@ -28,7 +28,7 @@ def test_the_pose_comes_back(lines, pose):
 def test_order_and_missing_lines_do_not_matter(lines, pose):
     seen = lines.transformed(pose.inverse(), "camera").select(range(len(lines) - 1, 0, -1))
     assume(spread(seen) > 0.2)
-    np.testing.assert_allclose(align_lines(lines, seen).T_scene_camera.translation, pose.translation, atol=1e-5)
+    np.testing.assert_allclose(align_lines(lines, seen).T_world_camera.translation, pose.translation, atol=1e-5)
 
 
 def misfit_without(lines, seen, row):

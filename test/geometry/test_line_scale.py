@@ -102,13 +102,13 @@ def test_whatever_is_seen_the_factor_is_within_its_bounds(point, size, shift):
 @pytest.mark.parametrize("factor", [1.01, 0.95])
 def test_noise_averages_out(factor):
     generator = np.random.default_rng(1)
-    together, pose = LineScale(LINES), Pose.looking_at((3.0, 1.0, 0.5), (0.0, 0.0, 0.0))
+    together, pose = LineScale(LINES), Pose.look_at((3.0, 1.0, 0.5), (0.0, 0.0, 0.0))
     single = []
     for _ in range(400):
         seen = noisy(scaled(LINES, factor, pose), 5e-3, generator)
         alone = LineScale(LINES)
         for scale in (alone, together):
-            scale.add(seen, align_lines(LINES, seen).T_scene_camera.rotation)
+            scale.add(seen, align_lines(LINES, seen).T_world_camera.rotation)
         single.append(alone.factor(LARGEST) - factor)
     assert abs(together.factor(LARGEST) - factor) < 0.2 * np.std(single)
 

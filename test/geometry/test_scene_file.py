@@ -1,8 +1,8 @@
 import pytest
 
 from plsing_ros.errors import SceneFileError
-from plsing_ros.experiments.config_files import config_file
 from plsing_ros.geometry.scene_file import read_scene
+from plsing_ros.parameters.config_files import config_file
 
 ONE_LINE = """
 /**:

@@ -10,7 +10,7 @@ from scipy.linalg import null_space
 from strategies import numbers, seen_lines, vectors
 
 from plsing_ros.kernels import compiled, of_numpy
-from plsing_ros.singularities.kernel_pencil import bilinear_tensor
+from plsing_ros.singularities.bilinear_system import bilinear_tensor
 from plsing_ros.singularities.ternary_forms import basis_values, half_sphere_points, multiplication_maps
 
 BOTH = pytest.mark.parametrize("the", [compiled, of_numpy], ids=["compiled", "numpy"])

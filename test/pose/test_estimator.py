@@ -7,25 +7,30 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from strategies import numbers
 
+from paper.pose_quadrifolium import EXPERIMENTS
 from plsing_ros.errors import ObservationError, ParameterError
-from plsing_ros.experiments.pose_quadrifolium import EXPERIMENTS
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters, PoseEstimatorParameters
-from plsing_ros.pose import PoseEstimator, Verdict, completed_observation
-from plsing_ros.servoing.simulated_camera import noisy_lines
+from plsing_ros.pose import PoseEstimator, Verdict, lift_lines
+from plsing_ros.simulation.simulated_camera import noisy_lines
 from plsing_ros.singularities import singular_set
 
 PAPER = LineSet.from_points_directions(
     [[0, 0, 0], [0, 0, 2], [3, 5, 0], [0, 1, 7]], [[1, 0, 0], [4, -5, 0], [3, 7, 3], [-2, 1, 13]]
 )
-AWAY = Pose.looking_at((5.0, 2.0, 3.0), (0.0, 0.0, 0.0))
+AWAY = Pose.look_at((5.0, 2.0, 3.0), (0.0, 0.0, 0.0))
 
 
 def finite(estimate):
-    parts = [estimate.covariance, estimate.weak_direction, estimate.position_deviation, estimate.rotation_deviation]
-    parts += [estimate.nonlinearity, estimate.inverse_condition_number, estimate.weak_standard_deviation]
-    parts += [estimate.residual, [each.plausibility for each in estimate.alternatives]]
+    parts = [
+        estimate.covariance,
+        estimate.least_observable_direction,
+        estimate.position_deviation,
+        estimate.rotation_deviation,
+    ]
+    parts += [estimate.nonlinearity, estimate.inverse_condition_number, estimate.least_observable_standard_deviation]
+    parts += [estimate.residual, [each.likelihood_ratio for each in estimate.alternatives]]
     if estimate.nearest is not None:
         parts += [estimate.nearest.distance, estimate.nearest.closest_point]
     return all(np.isfinite(np.asarray(part, dtype=float)).all() for part in parts)
@@ -54,9 +59,9 @@ def test_three_lines_give_the_pose_among_the_alternatives_and_the_last_pose_choo
     assert min(distance(each, pose) for each in found) < 1e-5
     assert (estimate.verdict is Verdict.AMBIGUOUS) == (len(estimate.alternatives) > 0)
     assert estimate.residual == 0.0
-    last = estimator.estimate(seen, pose.moved([1e-3, -1e-3, 1e-3, 1e-3, 0.0, -1e-3], 1.0))
+    last = estimator.estimate(seen, pose.integrate([1e-3, -1e-3, 1e-3, 1e-3, 0.0, -1e-3], 1.0))
     assert distance(last.T_world_camera, pose) < 1e-5
-    assert all(0.0 <= each.plausibility <= 1.0 for each in last.alternatives)
+    assert all(0.0 <= each.likelihood_ratio <= 1.0 for each in last.alternatives)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -99,9 +104,9 @@ def test_covariance_matches_the_errors_away_from_the_loci(noise):
 def test_covariance_has_the_frame_and_order_that_ros_defines():
     estimate = PoseEstimator(PAPER).estimate(image_of(PAPER, AWAY))
     R = estimate.T_world_camera.rotation
-    weak = np.concatenate([R @ estimate.weak_direction[:3], R @ estimate.weak_direction[3:]])
+    weak = np.concatenate([R @ estimate.least_observable_direction[:3], R @ estimate.least_observable_direction[3:]])
     deviation = np.sqrt(weak @ estimate.covariance @ weak)
-    assert deviation == pytest.approx(estimate.weak_standard_deviation)
+    assert deviation == pytest.approx(estimate.least_observable_standard_deviation)
     assert deviation**2 == pytest.approx(np.linalg.eigvalsh(estimate.covariance)[-1])
     np.testing.assert_allclose(estimate.covariance, estimate.covariance.T)
 
@@ -111,7 +116,7 @@ def test_covariance_has_the_frame_and_order_that_ros_defines():
 def test_on_a_locus_nothing_is_presented_as_ok(center, offset):
     generator = np.random.default_rng(7)
     closest = singular_set(PAPER).distances(center)[0].closest_point
-    pose = Pose(Pose.looking_at(center, (0, 0, 0)).rotation, closest + offset * np.array([0.6, 0.0, 0.8]))
+    pose = Pose(Pose.look_at(center, (0, 0, 0)).rotation, closest + offset * np.array([0.6, 0.0, 0.8]))
     estimator = PoseEstimator(PAPER, EstimationParameters(noise_image=2e-4))
     for _ in range(8):
         estimate = estimator.estimate(image_of(PAPER, pose, 2e-4, generator))
@@ -192,7 +197,7 @@ def test_fewer_than_three_lines_fail_with_a_reason():
 )
 def test_scenes_that_fix_no_pose_fail(points, directions):
     lines = LineSet.from_points_directions(points, directions)
-    pose = Pose.looking_at((4.0, -3.0, 2.0), (0.1, 0.2, -0.1))
+    pose = Pose.look_at((4.0, -3.0, 2.0), (0.1, 0.2, -0.1))
     estimate = PoseEstimator(lines).estimate(image_of(lines, pose))
     assert estimate.verdict is not Verdict.OK
     assert finite(estimate)
@@ -238,7 +243,7 @@ def test_completed_lines_are_those_of_the_pose():
     image[4] = [0.6, 0.8, -1.7]
     shown = observation(lines, image)
     estimate = PoseEstimator(lines).estimate(shown)
-    completed = completed_observation(lines, estimate, shown)
+    completed = lift_lines(lines, estimate, shown)
     assert completed.usable_ids == (1, 2, 3, 4, 6, 7)
     np.testing.assert_allclose(completed.usable_image_lines, seen.image_lines[[0, 1, 2, 3, 5, 6]])
     true = lines.select([0, 1, 2, 3, 5, 6]).transformed(pose.inverse(), "camera")
@@ -249,7 +254,7 @@ def test_completed_lines_are_those_of_the_pose():
 def test_without_a_pose_nothing_is_completed():
     seen = observation(PAPER, image_of(PAPER, AWAY).image_lines, np.zeros(4, dtype=bool))
     with pytest.raises(ObservationError, match="without a pose"):
-        completed_observation(PAPER, PoseEstimator(PAPER).estimate(seen), seen)
+        lift_lines(PAPER, PoseEstimator(PAPER).estimate(seen), seen)
 
 
 def test_parameters_without_noise_or_with_two_lines_are_refused():
@@ -273,7 +278,7 @@ def test_lines_of_one_plane_need_a_field_of_view():
     door = LineSet.from_points_directions(
         [[0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 2]], [[0, 0, 1], [0, 0, 1], [1, 0, 0], [1, 0, 0]]
     )
-    pose = Pose.looking_at((2.0, -3.0, 1.5), (0.5, 0.0, 1.0))
+    pose = Pose.look_at((2.0, -3.0, 1.5), (0.5, 0.0, 1.0))
     seen = image_of(door, pose)
     estimate = PoseEstimator(door).estimate(seen)
     assert estimate.verdict is Verdict.AMBIGUOUS
@@ -282,6 +287,6 @@ def test_lines_of_one_plane_need_a_field_of_view():
     mirrored = pose.translation * (1.0, -1.0, 1.0)
     for center in (pose.translation, mirrored):
         assert min(np.abs(each.translation - center).max() for each in found) < 1e-6
-    narrow = PoseEstimator(door, EstimationParameters(largest_angle=0.6)).estimate(seen)
+    narrow = PoseEstimator(door, EstimationParameters(max_angle=0.6)).estimate(seen)
     assert narrow.verdict is Verdict.OK
     assert distance(narrow.T_world_camera, pose) < 1e-6

@@ -9,7 +9,7 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.pose import solve_three_lines
 from plsing_ros.pose.candidates import SceneTriplets, chosen_triplets
 
-LOOKING = Pose.looking_at((4.0, -3.0, 2.0), (0.1, 0.2, -0.1))
+LOOKING = Pose.look_at((4.0, -3.0, 2.0), (0.1, 0.2, -0.1))
 
 
 @settings(max_examples=60)

@@ -26,9 +26,9 @@ def residuals_of(lines, image, noise, *poses):
 @given(view=views(), twist=twists())
 def test_jacobian_matches_central_differences(view, twist):
     lines, pose = view
-    image = image_of(lines, pose.moved(0.01 * twist, 1.0)).image_lines
+    image = image_of(lines, pose.integrate(0.01 * twist, 1.0)).image_lines
     step = 1e-6
-    at = residuals_of(lines, image, NOISES[0], pose, pose.moved(twist, step), pose.moved(twist, -step))
+    at = residuals_of(lines, image, NOISES[0], pose, pose.integrate(twist, step), pose.integrate(twist, -step))
     expected = (at.raw[1] - at.raw[2]) / (2.0 * step)
     found = np.einsum("ija,a->ij", at.raw_jacobian[0], twist)
     np.testing.assert_allclose(found, expected, atol=1e-4 * (1.0 + np.abs(expected).max()))

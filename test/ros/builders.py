@@ -8,11 +8,11 @@ from geometry_msgs.msg import TwistStamped
 from std_msgs.msg import Header
 
 from plsing_msgs.msg import LineFeatureArray
-from plsing_ros.experiments import near_transversal
-from plsing_ros.experiments.config_files import config_file
 from plsing_ros.features import interaction_matrix, project_lines
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.scene_file import read_scene
+from plsing_ros.parameters.config_files import config_file
+from plsing_ros.simulation import near_transversal
 
 CAMERA_FRAME = "camera_optical_frame"
 SCENE = read_scene(config_file("paper_p4l.yaml"))

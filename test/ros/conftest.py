@@ -1,7 +1,7 @@
 import pytest
 
-from plsing_ros.experiments.config_files import config_file
-from plsing_ros.nodes.harness import Harness
+from plsing_ros.parameters.config_files import config_file
+from plsing_ros.testing.harness import Harness
 
 
 @pytest.fixture(params=["events", "single"])

@@ -5,7 +5,7 @@ from rclpy.parameter import Parameter
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.controller import Controller
+from plsing_ros.nodes.controller import ControllerNode
 
 
 class ControllerLoop:
@@ -16,7 +16,7 @@ class ControllerLoop:
         self.twists = ros.collect(TwistStamped, "cmd_twist", qos.STATUS)
         self.states = ros.collect(ControllerState, "controller/state", qos.STATUS)
         # Long, so that a slow machine does not make features stale between two lines of a test.
-        self.node = ros.add(Controller, paper, {"features_timeout": 5.0, **parameters})
+        self.node = ros.add(ControllerNode, paper, {"features_timeout": 5.0, **parameters})
         self.features = ros.publisher(LineFeatureArray, "line_features")
 
     def now(self):

@@ -6,10 +6,10 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_msgs.msg import Header
 
 from plsing_msgs.msg import LineFeatureArray, SingularityAlert, SingularityStatus
-from plsing_ros.experiments.near_transversal import ORIENTATION, POINT_ON_TRANSVERSAL
 from plsing_ros.geometry import Pose
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
+from plsing_ros.simulation.near_transversal import ORIENTATION, POINT_ON_TRANSVERSAL
 
 
 def beside_transversal(distance):
@@ -25,7 +25,7 @@ class MonitorLoop:
         self.ros = ros
         self.statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
         self.alerts = ros.collect(SingularityAlert, "singularity_alerts", qos.LATCHED)
-        self.node = ros.add(SingularityMonitor, paper, {"features_timeout": 5.0, **parameters})
+        self.node = ros.add(SingularityMonitorNode, paper, {"features_timeout": 5.0, **parameters})
         self.poses = ros.publisher(PoseWithCovarianceStamped, "camera_pose")
         self.features = ros.publisher(LineFeatureArray, "line_features")
 

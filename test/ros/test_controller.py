@@ -9,7 +9,7 @@ from std_srvs.srv import SetBool
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityStatus
 from plsing_ros.features import interaction_matrix
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 
 
 @pytest.fixture
@@ -155,19 +155,19 @@ def test_stamp_of_the_answer_is_that_of_the_features(loop):
 
 
 def test_a_target_pose_is_told_to_the_monitor(ros, paper):
-    """Latched as desired_line_features, so that thresholds relative to the goal need no second configuration."""
+    """Latched as desired_line_features, so that thresholds relative to the target need no second configuration."""
     desired = ros.collect(LineFeatureArray, "desired_line_features", qos.LATCHED)
     statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
     loop = ControllerLoop(ros, paper)
-    ros.add(SingularityMonitor, paper, {"target.known": False, "features_timeout": 5.0})
+    ros.add(SingularityMonitorNode, paper, {"target.known": False, "features_timeout": 5.0})
     ros.spin_until(lambda: desired, "the target")
     assert desired[0].image_lines == pytest.approx(features(TARGET, 0).image_lines)
     ros.spin_until(lambda: loop.features.get_subscription_count() == 2, "the monitor to listen")
     ros.spin_for(0.1)
     loop.answer(features(start_pose(1), loop.now()))
-    ros.spin_until(lambda: statuses and statuses[-1].goal_valid, "a status that knows the goal")
-    goal = np.linalg.svd(interaction_matrix(seen(TARGET)), compute_uv=False)
-    assert statuses[-1].goal_inverse_condition_number == pytest.approx(goal[-1] / goal[0], rel=1e-6)
+    ros.spin_until(lambda: statuses and statuses[-1].target_valid, "a status that knows the target")
+    target = np.linalg.svd(interaction_matrix(seen(TARGET)), compute_uv=False)
+    assert statuses[-1].target_inverse_condition_number == pytest.approx(target[-1] / target[0], rel=1e-6)
     loop.set_parameters(**{"target.position": start_pose(3).translation.tolist()})
     ros.spin_until(lambda: len(desired) == 2, "the new target")
     assert desired[1].image_lines == pytest.approx(features(start_pose(3), 0).image_lines)

@@ -13,9 +13,9 @@ from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityStatus
 from plsing_msgs.srv import CheckTarget
 from plsing_ros.geometry import Pose
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.controller import Controller
+from plsing_ros.nodes.controller import ControllerNode
 from plsing_ros.nodes.conversions import header
-from plsing_ros.nodes.run import run_node
+from plsing_ros.nodes.main import run_node
 from plsing_ros.singularities import singular_set
 
 TRANSVERSAL = singular_set(SCENE).transversals[0]
@@ -125,7 +125,7 @@ def test_killed_and_started_again_it_goes_on(ros, paper):
     loop = ControllerLoop(ros, paper)
     assert_servoes(loop)
     ros.remove(loop.node)
-    loop.node = ros.add(Controller, paper, {"features_timeout": 5.0})
+    loop.node = ros.add(ControllerNode, paper, {"features_timeout": 5.0})
     ros.spin_until(lambda: loop.features.get_subscription_count() > 0, "the new controller's subscription")
     ros.spin_for(0.1)
     assert_servoes(loop)
@@ -161,7 +161,7 @@ def test_a_fault_of_its_own_is_zero_and_not_the_end(ros, paper, monkeypatch):
 
 
 def test_a_program_that_ends_by_a_fault_says_zero_first(ros, paper, monkeypatch):
-    class Faulty(Controller):
+    class Faulty(ControllerNode):
         def __init__(self, **options):
             super().__init__(**options)
             self.create_timer(0.1, self._fail)
@@ -259,7 +259,7 @@ def test_a_target_on_a_singularity_is_refused_or_accepted_on_request(ros, paper)
     command, state = loop.answer(features(start_pose(1), loop.now()))
     assert state.mode == ControllerState.REFUSED and np.all(twist_values(command) == 0.0)
     assert "the target is at a singularity" in state.reason and "m from transversal 1" in state.reason
-    loop.set_parameters(**{"target.least_condition": 0.0})
+    loop.set_parameters(**{"target.min_inverse_condition_number": 0.0})
     command, state = loop.answer(features(start_pose(1), loop.now()))
     assert state.mode == ControllerState.SERVOING and np.any(twist_values(command) != 0.0)
 
@@ -293,18 +293,18 @@ def test_the_twist_of_a_tool(ros, paper):
 
 def test_a_detour_is_published_and_followed(ros, paper):
     loop = ControllerLoop(ros, paper, law="detour")
-    ways = ros.collect(Path, "controller/way", qos.LATCHED)
+    paths = ros.collect(Path, "controller/planned_path", qos.LATCHED)
     loop.answer(features(start_pose(2), loop.now()))
-    ros.spin_until(lambda: ways and ways[-1].poses, "the way")
-    position = [ways[-1].poses[end].pose.position for end in (0, -1)]
+    ros.spin_until(lambda: paths and paths[-1].poses, "the path")
+    position = [paths[-1].poses[end].pose.position for end in (0, -1)]
     for p, pose in zip(position, (start_pose(2), TARGET), strict=True):
         np.testing.assert_allclose([p.x, p.y, p.z], pose.translation, atol=1e-6)
     for _ in range(3):
         ros.spin_for(0.05)
         command, state = loop.answer(features(start_pose(2), loop.now()))
-    assert state.mode == ControllerState.SERVOING and state.way_progress > 0.0
+    assert state.mode == ControllerState.SERVOING and state.path_progress > 0.0
     assert 0.0 < state.linear_speed <= 0.15
-    assert len(ways) == 1
+    assert len(paths) == 1
 
 
 def question(target, start=None):
@@ -330,8 +330,8 @@ def test_a_target_can_be_asked_about_before_going_there(ros, paper):
     assert blocked.decision == CheckTarget.Response.DETOUR and "transversal 1" in blocked.reason
     assert blocked.straight_nearest.name == "transversal 1"
     assert blocked.target_inverse_condition_number == pytest.approx(4.09e-4, rel=1e-2)
-    assert len(blocked.way.poses) > 2 and blocked.way.header.frame_id == "world"
-    assert singular.decision == CheckTarget.Response.REFUSE and not singular.way.poses
+    assert len(blocked.path.poses) > 2 and blocked.path.header.frame_id == "world"
+    assert singular.decision == CheckTarget.Response.REFUSE and not singular.path.poses
     loop.answer(features(start_pose(2), loop.now()))
     assert ask(TARGET).decision == CheckTarget.Response.DETOUR
     no_pose = CheckTarget.Request(from_present=True)

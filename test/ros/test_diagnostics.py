@@ -4,13 +4,13 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.controller import Controller
-from plsing_ros.nodes.feature_simulator import FeatureSimulator
-from plsing_ros.nodes.pose_estimator import PoseEstimator
-from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.nodes.controller import ControllerNode
+from plsing_ros.nodes.feature_simulator import FeatureSimulatorNode
+from plsing_ros.nodes.pose_estimator import PoseEstimatorNode
+from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 
 
-@pytest.mark.parametrize("node", [Controller, FeatureSimulator, PoseEstimator, SingularityMonitor])
+@pytest.mark.parametrize("node", [ControllerNode, FeatureSimulatorNode, PoseEstimatorNode, SingularityMonitorNode])
 def test_every_node_reports_once_a_second(ros, paper, node):
     diagnostics = ros.collect(DiagnosticArray, "/diagnostics", qos.STATUS)
     created = ros.add(node, paper)
@@ -24,8 +24,8 @@ def test_every_node_reports_once_a_second(ros, paper, node):
 
 def test_a_controller_that_servoes_and_one_that_starves(ros, paper):
     diagnostics = ros.collect(DiagnosticArray, "/diagnostics", qos.STATUS)
-    ros.add(Controller, paper, {"features_timeout": 0.5})
-    simulator = ros.add(FeatureSimulator, paper)
+    ros.add(ControllerNode, paper, {"features_timeout": 0.5})
+    simulator = ros.add(FeatureSimulatorNode, paper)
 
     def latest(name):
         return next((each.status[0] for each in reversed(diagnostics) if name in each.status[0].name), None)

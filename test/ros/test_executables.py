@@ -13,9 +13,9 @@ from builders import twist_values
 from geometry_msgs.msg import TwistStamped
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus
-from plsing_ros.experiments.config_files import config_file
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.harness import Harness
+from plsing_ros.parameters.config_files import config_file
+from plsing_ros.testing.harness import Harness
 
 NODES = ["feature_simulator", "controller", "pose_estimator", "singularity_monitor"]
 PAPER = ["--ros-args", "--params-file", str(config_file("paper_p4l.yaml"))]
@@ -108,12 +108,12 @@ def test_a_signal_while_the_node_is_made_ends_it_in_order(start):
     """Ended at once, it would leave broken shared memory behind."""
     program = """
 import os, signal, sys
-from plsing_ros.nodes.controller import Controller
-from plsing_ros.nodes.run import run_node
+from plsing_ros.nodes.controller import ControllerNode
+from plsing_ros.nodes.main import run_node
 
 def create(**options):
     os.kill(os.getpid(), signal.SIGTERM)
-    return Controller(**options)
+    return ControllerNode(**options)
 
 sys.exit(run_node(create, "", ""))
 """
@@ -126,8 +126,8 @@ sys.exit(run_node(create, "", ""))
 def test_a_node_does_not_grow_with_the_callbacks_it_has_served(start, executor):
     program = """
 import gc, os, signal, sys
-from plsing_ros.nodes.controller import Controller
-from plsing_ros.nodes.run import run_node
+from plsing_ros.nodes.controller import ControllerNode
+from plsing_ros.nodes.main import run_node
 
 objects = []
 
@@ -140,7 +140,7 @@ def serve():
         os.kill(os.getpid(), signal.SIGTERM)
 
 def create(**options):
-    node = Controller(**options)
+    node = ControllerNode(**options)
     node.every(0.001, serve)
     return node
 
@@ -175,7 +175,8 @@ def test_a_container_runs_a_closed_loop_in_one_process_and_ends_it_with_a_zero_t
     lockstep = [each for parameter in lockstep for each in ("-p", parameter)]
     container = start("container", "feature_simulator", "controller", "singularity_monitor", *PAPER, *lockstep)
     ros.spin_until(
-        lambda: any(np.any(twist_values(each) != 0.0) for each in twists) and any(each.goal_valid for each in statuses),
+        lambda: any(np.any(twist_values(each) != 0.0) for each in twists)
+        and any(each.target_valid for each in statuses),
         "a twist, and a status",
         30.0,
     )

@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 from plsing_msgs.msg import LineFeatureArray, SimulatorState
 from plsing_ros.features import project_lines
 from plsing_ros.geometry import Pose
-from plsing_ros.nodes.feature_simulator import FeatureSimulator
+from plsing_ros.nodes.feature_simulator import FeatureSimulatorNode
 
 TWIST = np.array([0.5, -0.3, 0.2, 0.4, 0.1, -0.6])
 LOCKSTEP = {"mode": "lockstep", "resend_period": 0.05}
@@ -35,7 +35,7 @@ def pose_of(message):
 
 
 def test_lockstep_waits_for_the_twist_and_integrates_it_exactly(ros, paper, topics):
-    ros.add(FeatureSimulator, paper, {**LOCKSTEP, "publish_clock": True})
+    ros.add(FeatureSimulatorNode, paper, {**LOCKSTEP, "publish_clock": True})
     commands = ros.publisher(TwistStamped, "cmd_twist")
     ros.spin_until(lambda: len(topics.features) >= 3, "the first frame, again and again")
     assert {each.header.stamp.sec for each in topics.features} == {1}  # time stands still
@@ -61,7 +61,7 @@ def test_lockstep_waits_for_the_twist_and_integrates_it_exactly(ros, paper, topi
 
 
 def test_features_are_the_projections_from_the_published_pose(ros, paper, topics):
-    ros.add(FeatureSimulator, paper, LOCKSTEP)
+    ros.add(FeatureSimulatorNode, paper, LOCKSTEP)
     ros.spin_until(lambda: topics.features and topics.poses, "a frame")
     message, pose = topics.features[0], pose_of(topics.poses[0])
     lines = SCENE.transformed(pose.inverse(), CAMERA_FRAME)
@@ -74,7 +74,7 @@ def test_features_are_the_projections_from_the_published_pose(ros, paper, topics
 
 
 def test_a_twist_for_another_frame_does_not_step(ros, paper, topics):
-    ros.add(FeatureSimulator, paper, LOCKSTEP)
+    ros.add(FeatureSimulatorNode, paper, LOCKSTEP)
     commands = ros.publisher(TwistStamped, "cmd_twist")
     commands.publish(twist(TWIST, 0.96))
     ros.spin_for(0.3)
@@ -93,7 +93,7 @@ def test_a_twist_for_another_frame_does_not_step(ros, paper, topics):
     ids=["nan", "infinity", "other frame", "too far", "overflow"],
 )
 def test_a_twist_that_cannot_be_used_is_refused_and_the_camera_stays(ros, paper, topics, values, frame, reason):
-    ros.add(FeatureSimulator, paper, LOCKSTEP)
+    ros.add(FeatureSimulatorNode, paper, LOCKSTEP)
     commands = ros.publisher(TwistStamped, "cmd_twist")
     commands.publish(twist(values, 1.0, frame))
     ros.spin_until(lambda: topics.states and reason in topics.states[-1].reason, f"the reason '{reason}'")
@@ -104,7 +104,7 @@ def test_a_twist_that_cannot_be_used_is_refused_and_the_camera_stays(ros, paper,
 
 
 def test_reset_goes_back_to_the_start_but_not_in_time(ros, paper, topics):
-    ros.add(FeatureSimulator, paper, LOCKSTEP)
+    ros.add(FeatureSimulatorNode, paper, LOCKSTEP)
     commands = ros.publisher(TwistStamped, "cmd_twist")
     commands.publish(twist(TWIST, 1.0))
     ros.spin_until(lambda: topics.states and topics.states[-1].step == 1, "a step")
@@ -115,7 +115,7 @@ def test_reset_goes_back_to_the_start_but_not_in_time(ros, paper, topics):
 
 
 def test_a_start_or_a_scene_that_cannot_be_seen_is_refused_and_the_next_reset_goes_well(ros, paper):
-    node = ros.add(FeatureSimulator, paper, LOCKSTEP)
+    node = ros.add(FeatureSimulatorNode, paper, LOCKSTEP)
     turned = {"start.orientation": [0.0, 0.0, np.sin(0.4), np.cos(0.4)]}
     for values in ({"start.position": [1e50, 1e50, 1e50], **turned}, {"lines.points": [1e308] * 12}):
         results = node.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
@@ -125,11 +125,11 @@ def test_a_start_or_a_scene_that_cannot_be_seen_is_refused_and_the_next_reset_go
 
 def test_noise_is_seeded_and_of_the_stated_size(ros, paper, topics):
     noise = 2e-3
-    first = ros.add(FeatureSimulator, paper, {**LOCKSTEP, "noise": noise, "seed": 5})
+    first = ros.add(FeatureSimulatorNode, paper, {**LOCKSTEP, "noise": noise, "seed": 5})
     ros.spin_until(lambda: topics.features, "a frame")
     ros.remove(first)
     topics.features.clear()
-    ros.add(FeatureSimulator, paper, {**LOCKSTEP, "noise": noise, "seed": 5})
+    ros.add(FeatureSimulatorNode, paper, {**LOCKSTEP, "noise": noise, "seed": 5})
     commands = ros.publisher(TwistStamped, "cmd_twist")
     moments = []
     for step in range(200):
@@ -147,7 +147,7 @@ def test_noise_is_seeded_and_of_the_stated_size(ros, paper, topics):
 
 
 def test_realtime_steps_on_its_own_and_stands_still_without_twists(ros, paper, topics):
-    ros.add(FeatureSimulator, paper, {"time_step": 0.02, "twist_timeout": 0.5})
+    ros.add(FeatureSimulatorNode, paper, {"time_step": 0.02, "twist_timeout": 0.5})
     ros.spin_until(lambda: len(topics.features) >= 5 and topics.states, "frames")
     assert topics.states[-1].reason == "no twist received yet"
     commands = ros.publisher(TwistStamped, "cmd_twist")
@@ -163,7 +163,7 @@ def test_realtime_steps_on_its_own_and_stands_still_without_twists(ros, paper, t
 
 
 def test_a_line_through_the_camera_is_marked_as_not_usable(ros, paper, topics):
-    ros.add(FeatureSimulator, paper, {**LOCKSTEP, "start.position": [3.0, 0.0, 0.0]})
+    ros.add(FeatureSimulatorNode, paper, {**LOCKSTEP, "start.position": [3.0, 0.0, 0.0]})
     ros.spin_until(lambda: topics.features, "a frame")
     assert bytes(topics.features[0].visible) == bytes([0, 1, 1, 1])
     assert np.isfinite(topics.features[0].image_lines).all()

@@ -5,7 +5,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from plsing_ros.nodes.harness import Harness, HarnessTimeoutError
+from plsing_ros.testing.harness import Harness, HarnessTimeoutError
 
 
 def test_two_harnesses_do_not_hear_each_other(ros):

@@ -8,11 +8,11 @@ import yaml
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
-from plsing_ros.experiments.config_files import config_file
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.scene_file import read_scene
+from plsing_ros.levels import Level
 from plsing_ros.nodes.markers import CameraMarkers, scene_markers
-from plsing_ros.servoing.monitoring.levels import Level
+from plsing_ros.parameters.config_files import config_file
 from plsing_ros.singularities import singular_set
 
 PAPER = singular_set(read_scene(config_file("paper_p4l.yaml")))
@@ -22,11 +22,11 @@ HEAD = Header(frame_id="world")
 LISTS = {Marker.LINE_LIST: 2, Marker.TRIANGLE_LIST: 3, Marker.LINE_STRIP: 1, Marker.SPHERE_LIST: 1}
 
 
-def camera_markers(level=Level.OK, lost_motion=None, poses=5):
+def camera_markers(level=Level.OK, unobservable_motion=None, poses=5):
     camera = CameraMarkers(PAPER)
     for step in range(poses):
         pose = Pose(np.eye(3), np.array([0.1 * step, 0.0, 5.0]))
-        array = camera.markers(pose, level, "OK: fine", lost_motion, HEAD)
+        array = camera.markers(pose, level, "OK: fine", unobservable_motion, HEAD)
     return array.markers
 
 

@@ -16,7 +16,7 @@ from plsing_msgs.msg import LineFeatureArray, SingularityStatus, SingularLoci
 from plsing_msgs.srv import CheckPose
 from plsing_ros.features import interaction_matrix
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 
 CALM = start_pose(1)
 
@@ -31,7 +31,7 @@ def numbers_of(status):
         status.inverse_condition_number,
         status.scaled_inverse_condition_number,
         status.inverse_condition_number_rate,
-        status.goal_inverse_condition_number,
+        status.target_inverse_condition_number,
         status.time_to_critical,
         status.time_to_approach,
         status.nearest.distance,
@@ -66,7 +66,7 @@ def test_features_that_cannot_be_used(loop, spoil, words):
     status = loop.status_at(CALM, spoil)
     assert status.level == SingularityStatus.UNOBSERVABLE
     assert words in status.reason
-    assert not status.lost_motion_valid
+    assert not status.unobservable_motion_valid
     assert not status.distances_valid
     assert_recovers(loop)
 
@@ -178,7 +178,7 @@ def test_a_monitor_that_dies_and_comes_back(ros, paper):
     ros.remove(loop.node)
     loop.statuses.clear()
     loop.alerts.clear()
-    loop.node = ros.add(SingularityMonitor, paper, {"features_timeout": 5.0})
+    loop.node = ros.add(SingularityMonitorNode, paper, {"features_timeout": 5.0})
     loci = ros.collect(SingularLoci, "singular_loci", qos.LATCHED)
     markers = ros.collect(MarkerArray, "singularity_markers", qos.LATCHED)
     ros.spin_until(lambda: loci and markers and loop.alerts, "the latched topics again")
@@ -189,7 +189,7 @@ def test_a_monitor_that_dies_and_comes_back(ros, paper):
 def test_two_monitors_in_two_namespaces(ros, paper):
     statuses = {name: ros.collect(SingularityStatus, f"/{name}/singularity_status", qos.STATUS) for name in "ab"}
     for name in "ab":
-        ros.add(SingularityMonitor, paper, {"features_timeout": 5.0}, namespace=name)
+        ros.add(SingularityMonitorNode, paper, {"features_timeout": 5.0}, namespace=name)
     publisher = ros.publisher(LineFeatureArray, "/a/line_features")
     message = features(CALM, ros.node.get_clock().now().to_msg())
     publisher.publish(message)
@@ -277,4 +277,4 @@ def test_camera_markers_reach_a_late_viewer(loop):
     loop.status_at(CALM)
     late = loop.ros.collect(MarkerArray, "camera_markers", qos.LATCHED)
     loop.ros.spin_until(lambda: late, "the latched markers")
-    assert {marker.ns for marker in late[0].markers} == {"camera", "camera_path", "status", "lost_motion"}
+    assert {marker.ns for marker in late[0].markers} == {"camera", "camera_path", "status", "unobservable_motion"}

@@ -9,13 +9,13 @@ from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
 from plsing_msgs.msg import SingularLoci
 from plsing_ros.errors import ParameterError
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.controller import Controller
-from plsing_ros.nodes.feature_simulator import FeatureSimulator
-from plsing_ros.nodes.pose_estimator import PoseEstimator
-from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.nodes.controller import ControllerNode
+from plsing_ros.nodes.feature_simulator import FeatureSimulatorNode
+from plsing_ros.nodes.pose_estimator import PoseEstimatorNode
+from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 from plsing_ros.parameters import MonitorParameters
 
-NODES = [FeatureSimulator, Controller, PoseEstimator, SingularityMonitor]
+NODES = [FeatureSimulatorNode, ControllerNode, PoseEstimatorNode, SingularityMonitorNode]
 
 
 @pytest.mark.parametrize("node", NODES)
@@ -38,18 +38,18 @@ def test_a_bad_start_is_refused(ros, paper, node, parameters, message):
 @pytest.mark.parametrize(
     ("node", "parameters", "message"),
     [
-        (Controller, {"gain": -1.0}, "parameter 'gain' is -1.0 1/s; allowed: 1e-06 to 1000 1/s"),
-        (Controller, {"gain": float("nan")}, "parameter 'gain' is nan; it must be finite"),
-        (Controller, {"gain": "fast"}, "parameter 'gain' is 'fast'; it must be a number 1/s"),
-        (Controller, {"gain": True}, "parameter 'gain' is True; it must be a number"),
-        (Controller, {"gian": 1.0}, "did you mean 'gain'?"),
-        (Controller, {"target.source": "psychic"}, "allowed: one of pose, topic"),
-        (Controller, {"target.orientation": [1.0, 1.0, 0.0, 0.0]}, "has length 1.41421, expected 1"),
-        (Controller, {"target.position": [1.0]}, "have 1 and 4 numbers"),
-        (FeatureSimulator, {"mode": "fast"}, "allowed: one of realtime, lockstep"),
-        (FeatureSimulator, {"seed": 1.5}, "parameter 'seed' is 1.5; it must be a whole number"),
-        (FeatureSimulator, {"time_step": 0.0}, "allowed: 0.0001 to 10 s"),
-        (SingularityMonitor, {"warn.transversal_distance": 0.01}, "below 'critical.transversal_distance' = 0.02"),
+        (ControllerNode, {"gain": -1.0}, "parameter 'gain' is -1.0 1/s; allowed: 1e-06 to 1000 1/s"),
+        (ControllerNode, {"gain": float("nan")}, "parameter 'gain' is nan; it must be finite"),
+        (ControllerNode, {"gain": "fast"}, "parameter 'gain' is 'fast'; it must be a number 1/s"),
+        (ControllerNode, {"gain": True}, "parameter 'gain' is True; it must be a number"),
+        (ControllerNode, {"gian": 1.0}, "did you mean 'gain'?"),
+        (ControllerNode, {"target.source": "psychic"}, "allowed: one of pose, topic"),
+        (ControllerNode, {"target.orientation": [1.0, 1.0, 0.0, 0.0]}, "has length 1.41421, expected 1"),
+        (ControllerNode, {"target.position": [1.0]}, "have 1 and 4 numbers"),
+        (FeatureSimulatorNode, {"mode": "fast"}, "allowed: one of realtime, lockstep"),
+        (FeatureSimulatorNode, {"seed": 1.5}, "parameter 'seed' is 1.5; it must be a whole number"),
+        (FeatureSimulatorNode, {"time_step": 0.0}, "allowed: 0.0001 to 10 s"),
+        (SingularityMonitorNode, {"warn.transversal_distance": 0.01}, "below 'critical.transversal_distance' = 0.02"),
     ],
 )
 def test_values_out_of_range_are_refused(ros, paper, node, parameters, message):
@@ -66,7 +66,7 @@ def test_without_a_scene_it_says_how_to_give_one(ros, node):
 
 def test_a_target_in_a_line_is_refused(ros, paper):
     target = {"target.position": [3.0, 0.0, 0.0], "lines.ids": [1, 2, 3, 4]}
-    on_the_first_line = ros.add(Controller, paper, target)  # three of four lines are still seen
+    on_the_first_line = ros.add(ControllerNode, paper, target)  # three of four lines are still seen
     ros.remove(on_the_first_line)
     three = {
         "lines.points": [0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 3.0, 5.0, 0.0],
@@ -74,7 +74,7 @@ def test_a_target_in_a_line_is_refused(ros, paper):
         "lines.ids": [1, 2, 3],
     }
     with pytest.raises(Exception, match=r"target pose: only 2 usable line\(s\)"):
-        ros.add(Controller, paper, {**target, **three})
+        ros.add(ControllerNode, paper, {**target, **three})
 
 
 def value_of(value):
@@ -101,7 +101,7 @@ def set_live(ros, node, **values):
 
 
 def test_live_changes_are_taken_or_refused_as_a_whole(ros, paper):
-    node = ros.add(SingularityMonitor, paper)
+    node = ros.add(SingularityMonitorNode, paper)
     assert set_live(
         ros, "singularity_monitor", warn__transversal_distance=0.5, critical__transversal_distance=0.3
     ).successful
@@ -133,7 +133,7 @@ def another(name, value):
 
 
 def test_each_live_parameter_is_taken_and_a_set_with_one_bad_value_is_refused_whole(ros, paper):
-    node = ros.add(SingularityMonitor, paper, {"warn.relative_inverse_condition_number_exit": 0.0})
+    node = ros.add(SingularityMonitorNode, paper, {"warn.relative_inverse_condition_number_exit": 0.0})
     for name, (_, specification) in MonitorParameters.specifications().items():
         before = node.parameters.values()
         if not specification.live:
@@ -151,18 +151,18 @@ def test_each_live_parameter_is_taken_and_a_set_with_one_bad_value_is_refused_wh
 
 
 def test_a_whole_number_is_taken_for_a_length(ros, paper):
-    node = ros.add(SingularityMonitor, paper)
+    node = ros.add(SingularityMonitorNode, paper)
     assert set_live(ros, "singularity_monitor", warn__transversal_distance=2).successful
     assert node.parameters.warn_transversal_distance == 2.0
 
 
 def test_what_is_fixed_at_the_start_cannot_be_changed(ros, paper):
-    ros.add(FeatureSimulator, paper)
+    ros.add(FeatureSimulatorNode, paper)
     assert not set_live(ros, "feature_simulator", time_step=0.1).successful
 
 
 def test_a_changed_scene_has_its_loci_published_again(ros, paper):
-    ros.add(SingularityMonitor, paper)
+    ros.add(SingularityMonitorNode, paper)
     loci = ros.collect(SingularLoci, "singular_loci", qos.LATCHED)
     ros.spin_until(lambda: len(loci) == 1, "the latched loci")
     moved = [each + 1.0 for each in loci[0].line_points]

@@ -7,12 +7,12 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 from plsing_msgs.msg import ControllerState, LineFeatureArray, PoseEstimate, SingularityStatus
 from plsing_ros.geometry import Pose
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.controller import Controller
-from plsing_ros.nodes.feature_simulator import FeatureSimulator
-from plsing_ros.nodes.pose_estimator import PoseEstimator
-from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.nodes.controller import ControllerNode
+from plsing_ros.nodes.feature_simulator import FeatureSimulatorNode
+from plsing_ros.nodes.pose_estimator import PoseEstimatorNode
+from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 
-CALM = Pose.looking_at([5.0, 2.0, 3.0], [0.0, 0.0, 3.0], down=[0.0, 0.0, -1.0])
+CALM = Pose.look_at([5.0, 2.0, 3.0], [0.0, 0.0, 3.0], down=[0.0, 0.0, -1.0])
 IMAGE_ONLY = change(directions=[], moments=[])
 
 
@@ -24,7 +24,7 @@ class EstimatorLoop:
         self.poses = ros.collect(PoseWithCovarianceStamped, "camera_pose")
         self.completed = ros.collect(LineFeatureArray, "completed_line_features")
         self.states = ros.collect(PoseEstimate, "pose_estimator/state", qos.STATUS)
-        self.node = ros.add(PoseEstimator, paper, {"features_timeout": 5.0, **parameters})
+        self.node = ros.add(PoseEstimatorNode, paper, {"features_timeout": 5.0, **parameters})
         self.features = ros.publisher(LineFeatureArray, "line_features")
 
     def state_of(self, pose, spoil=IMAGE_ONLY, stamp=None):
@@ -122,16 +122,16 @@ def test_the_chain_runs_on_image_lines_alone(ros, paper):
     twists = ros.collect(TwistStamped, "cmd_twist", qos.STATUS)
     states = ros.collect(ControllerState, "controller/state", qos.STATUS)
     statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
-    goal = Pose.looking_at([4.6, 2.2, 3.1], [0.0, 0.0, 3.0], down=[0.0, 0.0, -1.0])
-    target = {
-        "target.position": goal.translation.tolist(),
-        "target.orientation": goal.quaternion_xyzw.tolist(),
+    target = Pose.look_at([4.6, 2.2, 3.1], [0.0, 0.0, 3.0], down=[0.0, 0.0, -1.0])
+    to_target = {
+        "target.position": target.translation.tolist(),
+        "target.orientation": target.quaternion_xyzw.tolist(),
     }
-    ros.add(SingularityMonitor, paper, {**sim_time, **target}, completed)
-    ros.add(Controller, paper, {**sim_time, **target, "gain": 0.5}, completed)
-    ros.add(PoseEstimator, paper, sim_time)
+    ros.add(SingularityMonitorNode, paper, {**sim_time, **to_target}, completed)
+    ros.add(ControllerNode, paper, {**sim_time, **to_target, "gain": 0.5}, completed)
+    ros.add(PoseEstimatorNode, paper, sim_time)
     start = {"start.position": CALM.translation.tolist(), "start.orientation": CALM.quaternion_xyzw.tolist()}
-    ros.add(FeatureSimulator, paper, {**lockstep, **start, "image_only": True}, {"camera_pose": "true_camera_pose"})
+    ros.add(FeatureSimulatorNode, paper, {**lockstep, **start, "image_only": True}, {"camera_pose": "true_camera_pose"})
     ros.spin_until(lambda: len(twists) >= 40, "forty twists", timeout=30.0)
     assert all(len(each.directions) == len(each.moments) == 0 for each in seen)
     assert {each.verdict for each in estimates if each.header.stamp.sec > 0} == {PoseEstimate.OK}

@@ -16,7 +16,7 @@ from plsing_msgs.msg import (
 from plsing_ros.features import rank_basis
 from plsing_ros.geometry import Pose
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.singularity_monitor import SingularityMonitor
+from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 
 
 @pytest.fixture
@@ -31,9 +31,9 @@ def test_numbers_of_a_status_against_numpy(loop):
     assert status.inverse_condition_number == pytest.approx(values[-1] / values[0])
     assert status.inverse_condition_number == pytest.approx(6.553e-4, rel=1e-3)  # an independent implementation's
     assert status.header.frame_id == "camera_optical_frame"
-    assert status.lost_motion_valid
-    lost = status.lost_motion.linear
-    # Near the transversal the weakest motion is the translation along it.
+    assert status.unobservable_motion_valid
+    lost = status.unobservable_motion.linear
+    # Near the transversal the least observable direction is the translation along it.
     assert np.linalg.norm([lost.x, lost.y, lost.z]) == pytest.approx(1.0, abs=1e-3)
 
 
@@ -114,7 +114,7 @@ def test_without_any_features_it_says_so(loop):
     loop.ros.spin_until(lambda: len(loop.statuses) >= 2, "heartbeats")
     assert loop.statuses[-1].level == SingularityStatus.STALE
     assert loop.statuses[-1].reason == "no features received yet"
-    assert not loop.statuses[-1].lost_motion_valid and len(loop.statuses[-1].singular_values) == 0
+    assert not loop.statuses[-1].unobservable_motion_valid and len(loop.statuses[-1].singular_values) == 0
 
 
 def test_features_that_stop_are_stale_and_the_old_numbers_are_gone(ros, paper):
@@ -183,7 +183,7 @@ def test_a_scene_singular_everywhere_is_unobservable(ros):
         "lines.directions": [0.0, 0.0, 1.0] * 4,
     }
     statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)
-    ros.add(SingularityMonitor, parameters={**parallel, "features_timeout": 5.0})
+    ros.add(SingularityMonitorNode, parameters={**parallel, "features_timeout": 5.0})
     publisher = ros.publisher(LineFeatureArray, "line_features")
     from plsing_ros.features import project_lines
     from plsing_ros.geometry import LineSet
@@ -191,7 +191,7 @@ def test_a_scene_singular_everywhere_is_unobservable(ros):
     scene = LineSet.from_points_directions(
         np.reshape(parallel["lines.points"], (4, 3)), np.reshape(parallel["lines.directions"], (4, 3))
     )
-    lines = scene.transformed(Pose.looking_at([0.3, 0.4, -2.0], [0.6, 0.6, 0.0], down=(0, 1, 0)).inverse(), "camera")
+    lines = scene.transformed(Pose.look_at([0.3, 0.4, -2.0], [0.6, 0.6, 0.0], down=(0, 1, 0)).inverse(), "camera")
     message = LineFeatureArray(
         header=Header(stamp=ros.node.get_clock().now().to_msg(), frame_id="camera_optical_frame"),
         ids=[1, 2, 3, 4],

@@ -67,7 +67,7 @@ def line_set(scene, **options):
     return LineSet.from_points_directions(np.array(scene[0], dtype=float), np.array(scene[1], dtype=float), **options)
 
 
-def smallest_ratio(lines, center):
+def min_ratio(lines, center):
     """Smallest over largest singular value of the row-normalised xi, in the unit of the lines; no solver code."""
     values = np.linalg.svd(rank_basis(lines, center, normalized=True), compute_uv=False)
     return values[-1] / values[0]

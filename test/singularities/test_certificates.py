@@ -7,32 +7,34 @@ import pytest
 import sympy as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from singular_scenes import PAPER_FOUR, line_set, orthogonal_lines, paper_lines, smallest_ratio
+from singular_scenes import PAPER_FOUR, line_set, min_ratio, orthogonal_lines, paper_lines
 from test_paper_p5l import D6, S8, SPECIAL_D7
 from test_special_scenes import EVERYWHERE, SPECIAL
 
 from plsing_ros.singularities import IsolatedStatus, TransversalFamily, singular_set
-from plsing_ros.singularities.certificate import certify_isolated_point, certify_transversal
-from plsing_ros.singularities.exact import exact_family, exact_rank, exact_surfaces, exact_transversals
-from plsing_ros.singularities.rational_lines import rational_lines
+from plsing_ros.singularities.proofs.certify import certify
+from plsing_ros.singularities.proofs.exact import exact_family, exact_rank, exact_surfaces, exact_transversals
+from plsing_ros.singularities.proofs.interval import certify_isolated_point, certify_transversal
+from plsing_ros.singularities.proofs.rational_lines import rational_lines
 
-PAPER = singular_set(line_set(PAPER_FOUR), certify=True)
+PAPER = singular_set(line_set(PAPER_FOUR))
+PAPER_PROOFS = certify(PAPER)
 
 
-def named(found, name):
-    return next(proof for proof in found.certificates if proof.name == name)
+def named(proofs, name):
+    return next(proof for proof in proofs.certificates if proof.name == name)
 
 
 def test_the_papers_points_and_transversals_are_proved_and_complete():
-    names = [proof.name for proof in PAPER.certificates]
+    names = [proof.name for proof in PAPER_PROOFS.certificates]
     assert names[:2] == ["transversal 1", "transversal 2"]
     assert names[2:8] == [f"isolated point {i}" for i in range(1, 7)]
     assert names[10:] == ["what meets all lines", "all isolated points"]
     assert len(names) == 12
-    assert all(proof.proved and proof.radius < 1e-9 for proof in PAPER.certificates)
-    assert "hyperbolic" in named(PAPER, "what meets all lines").statement
-    assert "Exactly ten isolated points, 6 of them real" in named(PAPER, "all isolated points").statement
-    assert "all proofs are about these rational lines" in PAPER.certification
+    assert all(proof.proved and proof.radius < 1e-9 for proof in PAPER_PROOFS.certificates)
+    assert "hyperbolic" in named(PAPER_PROOFS, "what meets all lines").statement
+    assert "Exactly ten isolated points, 6 of them real" in named(PAPER_PROOFS, "all isolated points").statement
+    assert "all proofs are about these rational lines" in PAPER_PROOFS.statement
 
 
 def test_lines_that_are_not_rational_get_enclosures_only():
@@ -41,12 +43,11 @@ def test_lines_that_are_not_rational_get_enclosures_only():
         (np.array(points) + np.sqrt(2.0) * np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0]]), directions)
     )
     assert rational_lines(lines) is None
-    found = singular_set(lines, certify=True)
-    assert all(proof.proved for proof in found.certificates)
-    assert "all isolated points" not in [proof.name for proof in found.certificates]
-    assert "exactly the given doubles" in found.certification
-    assert "asked" in singular_set(lines).certification
-    assert singular_set(lines).certificates == ()
+    singular = singular_set(lines)
+    proofs = certify(singular)
+    assert all(proof.proved for proof in proofs.certificates)
+    assert "all isolated points" not in [proof.name for proof in proofs.certificates]
+    assert "exactly the given doubles" in proofs.statement
 
 
 def parallel(a, b):
@@ -80,9 +81,10 @@ def test_a_wrong_point_or_transversal_is_not_proved():
 
 def test_three_lines_are_certified_by_their_polynomials():
     scene = [rows[:3] for rows in PAPER_FOUR]
-    found = singular_set(line_set(scene), certify=True)
-    assert [proof.name for proof in found.certificates] == ["what meets all lines", "quadric", "cubic surface"]
-    assert all(proof.proved and proof.radius < 1e-12 for proof in found.certificates)
+    singular = singular_set(line_set(scene))
+    proofs = certify(singular)
+    assert [proof.name for proof in proofs.certificates] == ["what meets all lines", "quadric", "cubic surface"]
+    assert all(proof.proved and proof.radius < 1e-12 for proof in proofs.certificates)
     # The exact polynomials themselves, against the rank of xi in exact arithmetic.
     quadric, cubic = exact_surfaces(*scene)
     assert max(sum(e) for e in quadric) == 2
@@ -108,8 +110,9 @@ def rational(points, directions):
 
 @pytest.mark.parametrize("name", EVERYWHERE)
 def test_singular_everywhere_is_proved_exactly(name):
-    found = singular_set(line_set(EVERYWHERE[name][:2]), certify=True)
-    (proof,) = found.certificates
+    singular = singular_set(line_set(EVERYWHERE[name][:2]))
+    proofs = certify(singular)
+    (proof,) = proofs.certificates
     assert proof.name == "singular everywhere"
     assert proof.proved
 
@@ -117,19 +120,21 @@ def test_singular_everywhere_is_proved_exactly(name):
 def test_concurrent_only_to_rounding_is_not_proved_exactly():
     # 1e-10 apart: concurrent to the tolerance, not exactly.
     points = [[1, 1, 1], [1, 1, 1], [1, 1, 1 + 1e-10], [1, 1, 1]]
-    found = singular_set(line_set((points, [[1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 1, 1]])), certify=True)
-    assert found.singular_everywhere
-    assert all(not proof.proved for proof in found.certificates)
+    singular = singular_set(line_set((points, [[1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 1, 1]])))
+    proofs = certify(singular)
+    assert singular.singular_everywhere
+    assert all(not proof.proved for proof in proofs.certificates)
 
 
 def test_general_five_lines_are_proved_to_have_no_singularity():
-    found = singular_set(line_set(paper_lines(S8, (*D6, 11))), certify=True)
-    assert found.isolated_status is IsolatedStatus.NONE
-    assert [(proof.name, proof.proved) for proof in found.certificates] == [
+    singular = singular_set(line_set(paper_lines(S8, (*D6, 11))))
+    proofs = certify(singular)
+    assert singular.isolated_status is IsolatedStatus.NONE
+    assert [(proof.name, proof.proved) for proof in proofs.certificates] == [
         ("what meets all lines", True),
         ("all isolated points", True),
     ]
-    assert all(len(proof.lines) == 5 for proof in found.certificates)
+    assert all(len(proof.lines) == 5 for proof in proofs.certificates)
 
 
 def test_the_papers_special_five_lines_share_exactly_one_line():
@@ -138,16 +143,18 @@ def test_the_papers_special_five_lines_share_exactly_one_line():
     assert exact.null_dimension == 1
     assert exact.discriminant == 0
     # The doubles are other lines, which share none exactly: no claim about all five.
-    found = singular_set(line_set(paper_lines(S8, (*D6, float(SPECIAL_D7)))), certify=True)
-    (proof,) = found.certificates
+    singular = singular_set(line_set(paper_lines(S8, (*D6, float(SPECIAL_D7)))))
+    proofs = certify(singular)
+    (proof,) = proofs.certificates
     assert proof.proved
     assert len(proof.lines) == 4
 
 
 @pytest.mark.parametrize("d", [(2, 3, 5, 1, 0, -4, 7), (2, 3, 5, 1, 7, -4, 2)])
 def test_special_orthogonal_and_parallel_five_lines_share_exactly_one_line(d):
-    found = singular_set(line_set(orthogonal_lines(d)), certify=True)
-    proof = named(found, "what meets all lines")
+    singular = singular_set(line_set(orthogonal_lines(d)))
+    proofs = certify(singular)
+    proof = named(proofs, "what meets all lines")
     assert proof.proved
     assert len(proof.lines) == 5
     assert proof.radius < 1e-12
@@ -175,12 +182,13 @@ def test_an_isolated_point_of_many_lines_is_proved_exactly(count):
     scene = lines_at_a_common_screw(count)
     assert exact_rank(*scene, [0, 0, 0]) == 5
     lines = line_set(scene)
-    found = singular_set(lines, certify=True)
-    np.testing.assert_allclose(found.isolated_points, [[0, 0, 0]], atol=1e-9)
-    proof = [each for each in found.certificates if len(each.lines) == count and each.name == "isolated point 1"]
+    singular = singular_set(lines)
+    proofs = certify(singular)
+    np.testing.assert_allclose(singular.isolated_points, [[0, 0, 0]], atol=1e-9)
+    proof = [each for each in proofs.certificates if len(each.lines) == count and each.name == "isolated point 1"]
     assert [each.proved for each in proof] == [True]
-    assert named(found, "all isolated points").proved
-    assert smallest_ratio(lines, found.isolated_points[0]) < 1e-12
+    assert named(proofs, "all isolated points").proved
+    assert min_ratio(lines, singular.isolated_points[0]) < 1e-12
 
 
 @given(scene=st.sampled_from(sorted(SPECIAL)), n=st.integers(3, 4), rows=st.permutations(range(4)))
@@ -188,6 +196,6 @@ def test_an_isolated_point_of_many_lines_is_proved_exactly(count):
 def test_exact_and_rounded_family_agree(scene, n, rows):
     points, directions, *_ = SPECIAL[scene]
     chosen = [points[i] for i in rows[:n]], [directions[i] for i in rows[:n]]
-    found = singular_set(line_set(chosen))
+    singular = singular_set(line_set(chosen))
     exact = exact_family(*rational(*chosen))
-    assert found.family is exact or (found.singular_everywhere and exact is TransversalFamily.EVERYWHERE)
+    assert singular.family is exact or (singular.singular_everywhere and exact is TransversalFamily.EVERYWHERE)

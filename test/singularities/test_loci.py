@@ -1,22 +1,22 @@
-"""Distances, surfaces, lost motions, nearest transversals, certificates: the parts of a singular set."""
+"""Distances, surfaces, unobservable motions, nearest transversals, certificates: the parts of a singular set."""
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from scipy.optimize import minimize
-from singular_scenes import PAPER_FOUR, distance_to_line, line_set, paper_lines, smallest_ratio
+from singular_scenes import PAPER_FOUR, distance_to_line, line_set, min_ratio, paper_lines
 from strategies import line_sets, vectors
 
 from plsing_ros.errors import GeometryError
 from plsing_ros.features import rank_basis
-from plsing_ros.singularities import Kind, MotionKind, lost_motions, singular_set, surface_triangles
+from plsing_ros.singularities import Kind, MotionKind, singular_set, surface_triangles, unobservable_motions
 
-FOUND = singular_set(line_set(PAPER_FOUR, ids=[4, 7, 9, 2]))
+SINGULAR = singular_set(line_set(PAPER_FOUR, ids=[4, 7, 9, 2]))
 THREE = singular_set(line_set(([[0, 0, 0], [0, 0, 2], [3, 5, 0]], [[1, 0, 0], [4, -5, 0], [3, 7, 3]])))
 
 
 def test_names_and_order():
-    assert FOUND.locus_names == (
+    assert SINGULAR.locus_names == (
         "transversal 1",
         "transversal 2",
         *(f"isolated point {i}" for i in range(1, 7)),
@@ -26,8 +26,8 @@ def test_names_and_order():
         "line 2",
     )
     kinds = [Kind.TRANSVERSAL] * 2 + [Kind.ISOLATED_POINT] * 6 + [Kind.OBSERVED_LINE] * 4
-    assert list(FOUND.locus_kinds) == kinds
-    from_center = np.linalg.norm(FOUND.isolated_points - FOUND.frame.center, axis=1)
+    assert list(SINGULAR.locus_kinds) == kinds
+    from_center = np.linalg.norm(SINGULAR.isolated_points - SINGULAR.frame.center, axis=1)
     assert (np.diff(from_center) > 0.0).all()
     assert THREE.locus_names[-2:] == ("quadric", "cubic surface")
 
@@ -35,17 +35,17 @@ def test_names_and_order():
 @given(center=vectors())
 @settings(deadline=None)
 def test_distances_are_distances(center):
-    arrays = FOUND.distance_arrays(center)
-    expected = [distance_to_line(center, t.point, t.direction) for t in FOUND.transversals]
-    expected += [np.linalg.norm(p - center) for p in FOUND.isolated_points]
+    arrays = SINGULAR.distance_arrays(center)
+    expected = [distance_to_line(center, t.point, t.direction) for t in SINGULAR.transversals]
+    expected += [np.linalg.norm(p - center) for p in SINGULAR.isolated_points]
     expected += [distance_to_line(center, p, u) for p, u in zip(*PAPER_FOUR, strict=True)]
     np.testing.assert_allclose(arrays.distance, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(arrays.closest_point - center, axis=1), arrays.distance, atol=1e-12)
-    nearest_first = FOUND.distances(center)
+    nearest_first = SINGULAR.distances(center)
     assert [d.distance for d in nearest_first] == sorted(d.distance for d in nearest_first)
     by_name = {d.name: d for d in nearest_first}
-    assert set(by_name) == set(FOUND.locus_names)
-    for name, kind, distance in zip(FOUND.locus_names, FOUND.locus_kinds, arrays.distance, strict=True):
+    assert set(by_name) == set(SINGULAR.locus_names)
+    for name, kind, distance in zip(SINGULAR.locus_names, SINGULAR.locus_kinds, arrays.distance, strict=True):
         assert by_name[name].kind is kind
         assert by_name[name].distance == distance
 
@@ -53,9 +53,9 @@ def test_distances_are_distances(center):
 @given(lines=line_sets(min_size=3, max_size=6), center=vectors())
 @settings(max_examples=25)
 def test_the_nearest_locus_is_the_nearest_that_is_no_observed_line(lines, center):
-    found = singular_set(lines)
-    nearest = found.nearest_locus(center)
-    others = [each for each in found.distances(center) if each.kind is not Kind.OBSERVED_LINE]
+    singular = singular_set(lines)
+    nearest = singular.nearest_locus(center)
+    others = [each for each in singular.distances(center) if each.kind is not Kind.OBSERVED_LINE]
     assert (nearest is None) == (not others)
     if nearest is not None:
         assert nearest.name == others[0].name
@@ -99,7 +99,7 @@ def test_gradients_match_central_differences(center):
 def test_nearest_point_of_a_surface(surface, seed):
     center = np.random.default_rng(seed).uniform(-4, 4, size=3)
     nearest = surface.nearest_point(center)
-    assert smallest_ratio(THREE.lines, nearest) < 1e-9
+    assert min_ratio(THREE.lines, nearest) < 1e-9
     offset, gradient = nearest - center, surface.gradient([nearest])[0]
     assert np.linalg.norm(np.cross(offset, gradient)) < 1e-8 * np.linalg.norm(offset) * np.linalg.norm(gradient)
     # Nothing that a general-purpose optimiser finds is closer.
@@ -135,10 +135,10 @@ def test_mesh_lies_on_the_surface():
 
 
 def test_lost_motions_move_no_image_line():
-    centers = [*FOUND.isolated_points, *(t.point + 0.7 * t.direction for t in FOUND.transversals)]
+    centers = [*SINGULAR.isolated_points, *(t.point + 0.7 * t.direction for t in SINGULAR.transversals)]
     for center in centers:
-        (motion,) = FOUND.lost_motions(center)
-        xi = rank_basis(FOUND.lines, center, normalized=True)
+        (motion,) = SINGULAR.unobservable_motions(center)
+        xi = rank_basis(SINGULAR.lines, center, normalized=True)
         twist = np.concatenate([motion.linear, motion.angular])
         assert np.abs(xi @ twist).max() < 1e-9 * np.linalg.norm(twist) * (1.0 + np.linalg.norm(center))
         if motion.kind is MotionKind.TRANSLATION:
@@ -149,15 +149,15 @@ def test_lost_motions_move_no_image_line():
             rebuilt = np.cross(motion.angular, center - motion.axis_point) + motion.pitch * motion.angular
             np.testing.assert_allclose(rebuilt, motion.linear, atol=1e-9 * (1.0 + np.linalg.norm(motion.linear)))
             assert motion.kind is MotionKind.SCREW
-    assert FOUND.lost_motions([0.2, 0.3, 0.9]) == ()
-    assert "screw" in str(FOUND.lost_motions(FOUND.isolated_points[0])[0])
+    assert SINGULAR.unobservable_motions([0.2, 0.3, 0.9]) == ()
+    assert "screw" in str(SINGULAR.unobservable_motions(SINGULAR.isolated_points[0])[0])
 
 
 def test_three_lines_lose_a_translation_on_the_quadric_and_a_screw_on_the_cubic():
     quadric, cubic = THREE.surfaces
-    (motion,) = lost_motions(THREE.lines, quadric.nearest_point([1.0, 1.0, 1.0]))
+    (motion,) = unobservable_motions(THREE.lines, quadric.nearest_point([1.0, 1.0, 1.0]))
     assert motion.kind is MotionKind.TRANSLATION
-    (motion,) = lost_motions(THREE.lines, cubic.nearest_point([1.0, 1.0, 1.0]))
+    (motion,) = unobservable_motions(THREE.lines, cubic.nearest_point([1.0, 1.0, 1.0]))
     assert motion.kind is MotionKind.SCREW
 
 
@@ -183,10 +183,10 @@ def test_nearest_transversal_of_measured_lines():
 @given(lines=line_sets(min_size=5, max_size=6))
 @settings(max_examples=25, deadline=None)
 def test_nearest_transversal_is_a_local_minimum(lines):
-    found = singular_set(lines)
-    assume(not found.singular_everywhere)
-    nearest = found.nearest_transversal
-    frame = found.frame
+    singular = singular_set(lines)
+    assume(not singular.singular_everywhere)
+    nearest = singular.nearest_transversal
+    frame = singular.frame
     rows = np.concatenate([frame.moment, frame.direction], axis=1)
     assume(len(rows) == len(lines))
 
@@ -207,14 +207,14 @@ def test_nearest_transversal_where_no_line_comes_near():
     # Gauss-Newton stalls here at 0.2900.
     points = [[0, 0, 1], [0, 0, 0], [-1, -0.5, 0.5], [0.5, 0, -0.5], [2, 1, 2]]
     directions = [[0, 1, 0], [1, 0, 0], [0, 1, 1], [1, 0, 1], [-1, 0, 1]]
-    found = singular_set(line_set((points, directions)))
+    singular = singular_set(line_set((points, directions)))
     starts = np.random.default_rng(1).normal(size=(20, 6))
-    rows = found.frame.plucker_matrix
+    rows = singular.frame.plucker_matrix
 
     def cost(x):
         direction = x[:3] / np.linalg.norm(x[:3])
         return np.linalg.norm(rows @ np.concatenate([direction, np.cross(x[3:], direction)]))
 
-    nearest = found.nearest_transversal
-    own = cost(np.concatenate([nearest.direction, found.frame.to_scene(nearest.point)]))
+    nearest = singular.nearest_transversal
+    own = cost(np.concatenate([nearest.direction, singular.frame.to_scene(nearest.point)]))
     assert own <= min(minimize(cost, start).fun for start in starts) + 1e-9

@@ -20,9 +20,9 @@ from singular_scenes import (
     same_points,
 )
 
-from plsing_ros.experiments.paper_scenes import PRINTED_L_M, PRINTED_L_N, TABLE_OF_POINTS
+from paper.scenes import PRINTED_L_M, PRINTED_L_N, TABLE_OF_POINTS
 from plsing_ros.singularities import Case, IsolatedStatus, Kind, TransversalFamily, singular_set
-from plsing_ros.singularities.exact import exact_transversals
+from plsing_ros.singularities.proofs.exact import exact_transversals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.transversals import analyze_transversals
 
@@ -65,8 +65,8 @@ def test_equation_g_of_three_lines_holds_symbolically():
 def test_the_quadric_found_is_the_papers(s2, s1, s3, s4, d1, d2, d3):
     scene = paper_lines((s1, s2, s3, s4), (d1, d2, d3))
     expected = sp.Poly(equation_of_p3l((s1, s2, s3, s4), (d1, d2, d3)), X, Y, Z)
-    found = singular_set(line_set(scene))
-    quadrics = [surface for surface in found.surfaces if surface.kind is Kind.QUADRIC]
+    singular = singular_set(line_set(scene))
+    quadrics = [surface for surface in singular.surfaces if surface.kind is Kind.QUADRIC]
     assume(quadrics)
     exponents = quadrics[0].exponents
     wanted = np.array([float(expected.coeff_monomial(X**a * Y**b * Z**c)) for a, b, c in exponents])
@@ -85,32 +85,35 @@ def test_the_determinant_of_three_lines_is_g_times_h():
 
 
 def test_transversals_are_the_printed_ones():
-    found = singular_set(line_set(PAPER_FOUR))
-    assert found.case is Case.P4L_HYPERBOLIC
-    assert found.family is TransversalFamily.TWO
-    for transversal, printed in zip(found.transversals, (L_M, L_N), strict=True):
+    singular = singular_set(line_set(PAPER_FOUR))
+    assert singular.case is Case.P4L_HYPERBOLIC
+    assert singular.family is TransversalFamily.TWO
+    for transversal, printed in zip(singular.transversals, (L_M, L_N), strict=True):
         sign = np.sign(transversal.direction @ printed[:3])
         direction = sign * transversal.direction
         np.testing.assert_allclose(direction, printed[:3], atol=6e-5)
         # The paper's moment of a transversal is u x x, that of its other lines x x u.
         np.testing.assert_allclose(np.cross(direction, transversal.point), printed[3:], atol=6e-5)
-    assert distance_to_line([0.3962, -4.337, 7.50], found.transversals[0].point, found.transversals[0].direction) < 1e-3
+    assert (
+        distance_to_line([0.3962, -4.337, 7.50], singular.transversals[0].point, singular.transversals[0].direction)
+        < 1e-3
+    )
 
 
 def test_six_real_of_ten_complex_points():
-    found = singular_set(line_set(PAPER_FOUR))
-    assert found.isolated_status is IsolatedStatus.FINITE
-    assert found.isolated_points_complex.shape == (10, 3)
-    assert same_points(found.isolated_points, PAPER_POINTS, 2.1e-4)
-    assert found.isolated_point_residuals.max() < 1e-13
+    singular = singular_set(line_set(PAPER_FOUR))
+    assert singular.isolated_status is IsolatedStatus.FINITE
+    assert singular.isolated_points_complex.shape == (10, 3)
+    assert same_points(singular.isolated_points, PAPER_POINTS, 2.1e-4)
+    assert singular.isolated_point_residuals.max() < 1e-13
 
 
 def test_the_sixteen_points_of_the_appendix():
-    found = singular_set(line_set(PAPER_FOUR))
+    singular = singular_set(line_set(PAPER_FOUR))
     starred = [row for star, row in TABLE_OF_POINTS if star]
-    assert same_points(found.isolated_points, np.array(starred), 1.1e-3)
+    assert same_points(singular.isolated_points, np.array(starred), 1.1e-3)
     lines = [(np.array(p, float), np.array(u, float)) for p, u in zip(*PAPER_FOUR, strict=True)]
-    lines += [(t.point, t.direction) for t in found.transversals]
+    lines += [(t.point, t.direction) for t in singular.transversals]
     for star, row in TABLE_OF_POINTS:
         nearest = min(distance_to_line(row, *line) for line in lines)
         rounding = 1e-3 if abs(row[0]) < 10 else 6e-2
@@ -183,18 +186,18 @@ def test_orthogonal_and_parallel_transversals_in_closed_form():
 def test_orthogonal_and_parallel_lines_have_two_transversals_and_no_points(d1, d2, d3, d4, d5):
     # Outside the zeros of the denominators in the paper's solution, and of the positions it excludes by them.
     assume(d1 != d5 and d3 != d4 and d1 * d4 != d3 * d5 and d1 * d4 + d3 * d5 not in (0, 2 * d4 * d5))
-    found = singular_set(line_set(orthogonal_lines((d1, d2, d3, d4, d5))))
-    assert found.case is Case.P4L_ORTHOGONAL_PARALLEL
-    assert found.isolated_status is IsolatedStatus.NONE
-    assert len(found.isolated_points_complex) == 0
+    singular = singular_set(line_set(orthogonal_lines((d1, d2, d3, d4, d5))))
+    assert singular.case is Case.P4L_ORTHOGONAL_PARALLEL
+    assert singular.isolated_status is IsolatedStatus.NONE
+    assert len(singular.isolated_points_complex) == 0
     x, y = 1.7, -0.6
     on_m = [x, d3, d1]
     on_n = [(d1 * d2 * d4 - y * d2 * d5) / (d1 * d4 - d3 * d5), y, y * d5 / d4]
     for point in (on_m, on_n):
-        assert min(distance_to_line(point, t.point, t.direction) for t in found.transversals) < 1e-9 * (
+        assert min(distance_to_line(point, t.point, t.direction) for t in singular.transversals) < 1e-9 * (
             1 + abs(on_n[0])
         )
-    assert len(found.transversals) == 2
+    assert len(singular.transversals) == 2
 
 
 def discriminant_of_the_paper(s, d):

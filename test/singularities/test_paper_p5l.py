@@ -12,14 +12,14 @@ from singular_scenes import (
     box_edges,
     distance_to_line,
     line_set,
+    min_ratio,
     nonzero,
     orthogonal_lines,
     paper_lines,
-    smallest_ratio,
 )
 
 from plsing_ros.singularities import Case, IsolatedStatus, MotionKind, singular_set
-from plsing_ros.singularities.exact import exact_transversals
+from plsing_ros.singularities.proofs.exact import exact_transversals
 
 S8 = (4, -5, 7, 3, -2, 13, -11, 6)
 D6 = (2, 3, 5, 1, 7, -4)
@@ -43,28 +43,28 @@ def plucker_condition(points, directions):
 
 
 def test_no_singularity_for_the_general_example():
-    found = singular_set(line_set(paper_lines(S8, (*D6, 11))))
-    assert found.case is Case.P5L_REGULAR
-    assert found.transversals == ()
-    assert found.isolated_status is IsolatedStatus.NONE
-    assert found.isolated_points.shape == (0, 3)
-    assert len(found.isolated_points_complex) == 0
-    assert found.nearest_transversal.miss.max() > 0.1
+    singular = singular_set(line_set(paper_lines(S8, (*D6, 11))))
+    assert singular.case is Case.P5L_REGULAR
+    assert singular.transversals == ()
+    assert singular.isolated_status is IsolatedStatus.NONE
+    assert singular.isolated_points.shape == (0, 3)
+    assert len(singular.isolated_points_complex) == 0
+    assert singular.nearest_transversal.miss.max() > 0.1
 
 
 def test_exactly_one_transversal_for_the_special_example():
     # The closed form is 7.71769; the paper prints 7.7178 next to it.
     assert float(SPECIAL_D7) == pytest.approx(7.7178, abs=1.5e-4)
-    found = singular_set(line_set(paper_lines(S8, (*D6, float(SPECIAL_D7)))))
-    assert found.case is Case.P5L_SINGULAR
-    (transversal,) = found.transversals
+    singular = singular_set(line_set(paper_lines(S8, (*D6, float(SPECIAL_D7)))))
+    assert singular.case is Case.P5L_SINGULAR
+    (transversal,) = singular.transversals
     direction = transversal.direction * np.sign(transversal.direction @ L_M)
     np.testing.assert_allclose(direction, L_M, atol=6e-5)
     np.testing.assert_allclose(np.cross(direction, transversal.point), [0.0, -0.9641, -0.5575], atol=6e-5)
     assert transversal.residual < 1e-13
-    assert found.isolated_status is IsolatedStatus.NONE
+    assert singular.isolated_status is IsolatedStatus.NONE
     place = transversal.point + 2.0 * transversal.direction
-    (motion,) = found.lost_motions(place)
+    (motion,) = singular.unobservable_motions(place)
     assert motion.kind is MotionKind.TRANSLATION
     np.testing.assert_allclose(np.abs(motion.linear @ transversal.direction), 1.0, atol=1e-12)
 
@@ -127,9 +127,9 @@ def test_orthogonal_and_parallel_lines_m1_m2_m3(d, which):
     assume(exact.null_dimension == 1)
     assert exact.discriminant == 0
     points, directions = orthogonal_lines([float(value) for value in d])
-    found = singular_set(line_set((points, directions)))
-    assert found.case is Case.P5L_ORTHOGONAL_PARALLEL
-    (transversal,) = found.transversals
+    singular = singular_set(line_set((points, directions)))
+    assert singular.case is Case.P5L_ORTHOGONAL_PARALLEL
+    (transversal,) = singular.transversals
     for place in (0.0, 1.0):
         on_it = np.array(point, dtype=float) + place * np.array(direction, dtype=float)
         assert distance_to_line(on_it, transversal.point, transversal.direction) < 1e-8 * (1.0 + np.abs(on_it).max())
@@ -161,9 +161,9 @@ def test_the_candidate_point_is_not_singular_in_general(d):
     center = np.array([float(sp.Rational(value)) for value in candidate_point([sp.Integer(v) for v in d])])
     lines = line_set(orthogonal_lines(d))
     assume(min(distance_to_line(center, p, u) for p, u in zip(*orthogonal_lines(d), strict=True)) > 1e-3)
-    found = singular_set(lines)
-    singular = smallest_ratio(lines, center) < 1e-12
-    near = [point for point in found.isolated_points if np.linalg.norm(point - center) < 1e-6]
+    singular = singular_set(lines)
+    singular = min_ratio(lines, center) < 1e-12
+    near = [point for point in singular.isolated_points if np.linalg.norm(point - center) < 1e-6]
     assert bool(near) == singular
 
 
@@ -171,7 +171,7 @@ def test_five_lines_through_the_singular_screw_of_four():
     """A fifth line whose image the lost screw of four lines does not move keeps their point singular."""
     four = singular_set(line_set(PAPER_FOUR))
     center = four.isolated_points[1]
-    (motion,) = four.lost_motions(center)
+    (motion,) = four.unobservable_motions(center)
     w, v = motion.angular, motion.linear
     # The image of a line does not move if m . w = 0 and f . v + |f|^2 u . w = 0. The first holds for w in the plane of
     # u and f; so tilt u towards w by any angle, take the normal f in their plane, and let the second give |f|.
@@ -183,28 +183,28 @@ def test_five_lines_through_the_singular_screw_of_four():
     foot = center + distance * np.cross(normal, u)
     points, directions = PAPER_FOUR
     five = line_set(([*points, foot], [*directions, u]))
-    assert smallest_ratio(five, center) < 1e-12
-    found = singular_set(five)
-    assert found.isolated_status is IsolatedStatus.FINITE
-    np.testing.assert_allclose(found.isolated_points, [center], atol=1e-9)
-    assert found.isolated_point_residuals.max() < 1e-12
+    assert min_ratio(five, center) < 1e-12
+    singular = singular_set(five)
+    assert singular.isolated_status is IsolatedStatus.FINITE
+    np.testing.assert_allclose(singular.isolated_points, [center], atol=1e-9)
+    assert singular.isolated_point_residuals.max() < 1e-12
 
 
 @pytest.mark.parametrize("n", [9, 12])
 def test_a_box_has_no_singularity_but_its_edges(n):
     points, directions = box_edges()
-    found = singular_set(line_set((points[:n], directions[:n])))
-    assert found.case is Case.PNL_REGULAR
-    assert found.transversals == ()
-    assert found.isolated_status is IsolatedStatus.NONE
+    singular = singular_set(line_set((points[:n], directions[:n])))
+    assert singular.case is Case.PNL_REGULAR
+    assert singular.transversals == ()
+    assert singular.isolated_status is IsolatedStatus.NONE
 
 
 def test_many_coplanar_lines_and_many_parallel_ones():
     points, directions = np.random.default_rng(1).normal(size=(2, 6, 3))
     flat = ([*(points * [1, 1, 0])], [*(directions * [1, 1, 0])])
-    found = singular_set(line_set(flat))
-    assert found.case is Case.PLANAR
-    assert found.isolated_status is IsolatedStatus.NONE
+    singular = singular_set(line_set(flat))
+    assert singular.case is Case.PLANAR
+    assert singular.isolated_status is IsolatedStatus.NONE
     # Every four of five parallel lines and another are singular on a curve at least; the curves share nothing.
     parallel = singular_set(line_set((points, [*[directions[0]] * 5, directions[1]])))
     assert parallel.isolated_status is IsolatedStatus.NONE

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from singular_scenes import box_edges, distance_to_line, line_set, smallest_ratio
+from singular_scenes import box_edges, distance_to_line, line_set, min_ratio
 
 from plsing_ros.kernels import of_numpy
 from plsing_ros.singularities import IsolatedStatus, Kind, singular_set
-from plsing_ros.singularities.kernel_pencil import bilinear_tensor
+from plsing_ros.singularities.bilinear_system import bilinear_tensor
 from plsing_ros.singularities.scene_frame import SceneFrame
 
 X, Y, Z = np.eye(3).tolist()
@@ -30,16 +30,16 @@ def singular_centers(lines, starts=300):
     near = np.abs(h[:, 0]) > 1e-3
     centers = frame.from_scene((h[near, 1:] / h[near, :1]).real)
     away = [min(map(distance_to_line, [c] * len(lines), lines.point, lines.direction)) for c in centers]
-    good = [a > 1e-3 * frame.length and smallest_ratio(lines, c) < 1e-9 for c, a in zip(centers, away, strict=True)]
+    good = [a > 1e-3 * frame.length and min_ratio(lines, c) < 1e-9 for c, a in zip(centers, away, strict=True)]
     return centers[np.array(good, dtype=bool)]
 
 
 def test_many_parallel_lines_and_another():
     points, directions = np.random.default_rng(1).normal(size=(2, 12, 3))
     lines = line_set((points, [*[directions[0]] * 11, directions[1]]))
-    found = singular_set(lines)
-    assert found.isolated_status is IsolatedStatus.NONE
-    (plane,) = found.surfaces
+    singular = singular_set(lines)
+    assert singular.isolated_status is IsolatedStatus.NONE
+    (plane,) = singular.surfaces
     # Only in the plane through the other line, of lines that meet it and the parallel ones at infinity.
     centers = singular_centers(lines)
     assert len(centers) > 10
@@ -52,24 +52,26 @@ def test_parallel_lines_on_a_circular_cylinder_stay_open(count, tilt):
     """Also where two of them are tilted by so little that the others may be parallel to them or not."""
     angles = np.array([0.1, 1.2, 2.0, 3.9, 5.5][:count])
     points = [*np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1), [0.3, 0.2, 0.5]]
-    found = singular_set(line_set((points, [Z] * (count - 2) + [[tilt, 0.0, 1.0]] * 2 + [[1, 2, 1]])))
+    singular = singular_set(line_set((points, [Z] * (count - 2) + [[tilt, 0.0, 1.0]] * 2 + [[1, 2, 1]])))
     # Five lines that are tilted have a point that is singular to rounding.
-    assert found.isolated_status is (IsolatedStatus.FINITE if count == 5 and tilt > 1e-9 else IsolatedStatus.UNRESOLVED)
-    assert (found.isolated_point_residuals <= 1e-9).all()
+    assert singular.isolated_status is (
+        IsolatedStatus.FINITE if count == 5 and tilt > 1e-9 else IsolatedStatus.UNRESOLVED
+    )
+    assert (singular.isolated_point_residuals <= 1e-9).all()
 
 
 def test_a_singular_plane_without_transversals():
     """Four edges of one face of a box, and two across it: turning about the face's normal is lost all over the face."""
     lines = line_set(edges(0, 1, 4, 5, 8, 9))
-    found = singular_set(lines)
-    assert [surface.kind for surface in found.surfaces] == [Kind.PLANE]
-    (plane,) = found.surfaces
+    singular = singular_set(lines)
+    assert [surface.kind for surface in singular.surfaces] == [Kind.PLANE]
+    (plane,) = singular.surfaces
     np.testing.assert_allclose(plane.coefficients / plane.coefficients[3], [0, 0, 0, 1], atol=1e-12)
-    assert found.isolated_status is IsolatedStatus.NONE
+    assert singular.isolated_status is IsolatedStatus.NONE
     for x, y in np.random.default_rng(2).normal(size=(10, 2)):
-        assert smallest_ratio(lines, [x, y, 0.0]) < 1e-12
-        assert smallest_ratio(lines, [x, y, 0.3]) > 1e-6
-    (transversal,) = found.transversals
+        assert min_ratio(lines, [x, y, 0.0]) < 1e-12
+        assert min_ratio(lines, [x, y, 0.3]) > 1e-6
+    (transversal,) = singular.transversals
     for center in singular_centers(lines):
         off_line = distance_to_line(center, transversal.point, transversal.direction)
         assert min(abs(center[2]), off_line) < 1e-5
@@ -90,14 +92,14 @@ def test_the_point_of_a_plane_that_two_other_lines_leave(flat, heights, tilts, p
     feet = [center + heights[0] * np.array([0.6, 0.8, 0.0]), center + heights[1] * np.array([-0.28, 0.96, 0.0])]
     directions = [[-0.8, 0.6, tilts[0]], [-0.96, -0.28, -tilts[1]]]
     lines = line_set(([*points, *feet], [*flat, *directions]))
-    assert smallest_ratio(lines, center) < 1e-12
-    found = singular_set(lines)
-    assert found.isolated_status is IsolatedStatus.FINITE
-    assert np.abs(found.isolated_points - center).max(axis=1).min() < 1e-7
-    assert found.isolated_point_residuals.max() <= 1e-9
+    assert min_ratio(lines, center) < 1e-12
+    singular = singular_set(lines)
+    assert singular.isolated_status is IsolatedStatus.FINITE
+    assert np.abs(singular.isolated_points - center).max(axis=1).min() < 1e-7
+    assert singular.isolated_point_residuals.max() <= 1e-9
     # A third such line elsewhere leaves nothing.
     more = line_set(([*points, *feet, [0.4, 0.3, 2.0]], [*flat, *directions, [1.0, 1.0, 0.5]]))
-    assert smallest_ratio(more, center) > 1e-9
+    assert min_ratio(more, center) > 1e-9
     assert len(singular_set(more).isolated_points) == 0
 
 
@@ -109,14 +111,14 @@ def test_a_point_of_two_planes_that_are_nearly_one_is_found(apart):
     points = [[0.0, 1.0, 0.0], [0.0, -1.3, 0.0], [1.0, 0.0, apart], [-1.2, 0.0, apart], *feet]
     to_feet = np.array(feet) - center
     across = np.cross(Z, to_feet / np.linalg.norm(to_feet, axis=1, keepdims=True))
-    found = singular_set(line_set((points, [X, X, Y, Y, *(across + [[0.0, 0.0, 0.9], [0.0, 0.0, -0.5]])])))
-    assert found.isolated_status is IsolatedStatus.FINITE
-    (point,) = found.isolated_points
+    singular = singular_set(line_set((points, [X, X, Y, Y, *(across + [[0.0, 0.0, 0.9], [0.0, 0.0, -0.5]])])))
+    assert singular.isolated_status is IsolatedStatus.FINITE
+    (point,) = singular.isolated_points
     np.testing.assert_allclose(point, center, atol=1e-7)
-    assert smallest_ratio(found.lines, point) <= 1e-9
+    assert min_ratio(singular.lines, point) <= 1e-9
 
 
 def test_two_classes_that_disagree_leave_nothing():
     """Three edges each of two directions: the motion would have to turn about both."""
-    found = singular_set(line_set(edges(0, 1, 2, 4, 5, 6)))
-    assert found.isolated_status is IsolatedStatus.NONE
+    singular = singular_set(line_set(edges(0, 1, 2, 4, 5, 6)))
+    assert singular.isolated_status is IsolatedStatus.NONE

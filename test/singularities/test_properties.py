@@ -77,22 +77,22 @@ def test_does_not_depend_on_order_orientation_or_points(lines, order, signs, alo
     points = lines.point + np.array(along)[:, np.newaxis] * lines.direction
     directions = np.array(signs)[:, np.newaxis] * lines.direction * 2.5
     other = LineSet.from_points_directions(points[list(order)], directions[list(order)])
-    found = singular_set(other)
-    assert_same_set(found, expected, lambda p: p)
+    singular = singular_set(other)
+    assert_same_set(singular, expected, lambda p: p)
     # Names too: the first point is the first point.
-    np.testing.assert_allclose(found.isolated_points, expected.isolated_points, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(singular.isolated_points, expected.isolated_points, rtol=1e-4, atol=1e-4)
 
 
 @given(lines=line_sets(min_size=1, max_size=7))
 @settings(max_examples=60, deadline=None)
 def test_any_scene_gets_an_answer_that_checks(lines):
     """Drawn values are often zero or equal: parallel, concurrent, repeated lines and worse are all among them."""
-    found = singular_set(lines)
-    assert len(found.locus_names) == len(set(found.locus_names)) == len(found.locus_kinds)
-    assert found.isolated_points.shape == (len(found.isolated_point_residuals), 3)
-    assert (found.isolated_point_residuals <= 1e-9).all()
-    assert (found.isolated_complex_residuals <= 1e-9).all()
-    assert np.isfinite(found.distance_arrays([0.1, 0.2, 0.3]).distance).all()
-    assert str(found.case) in found.description
+    singular = singular_set(lines)
+    assert len(singular.locus_names) == len(set(singular.locus_names)) == len(singular.locus_kinds)
+    assert singular.isolated_points.shape == (len(singular.isolated_point_residuals), 3)
+    assert (singular.isolated_point_residuals <= 1e-9).all()
+    assert (singular.isolated_complex_residuals <= 1e-9).all()
+    assert np.isfinite(singular.distance_arrays([0.1, 0.2, 0.3]).distance).all()
+    assert str(singular.case) in singular.description
     if len(lines) < 3:
-        assert found.singular_everywhere
+        assert singular.singular_everywhere

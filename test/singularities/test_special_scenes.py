@@ -7,7 +7,7 @@ left has that dimension.
 
 import numpy as np
 import pytest
-from singular_scenes import PAPER_FOUR, line_set, same_points, smallest_ratio
+from singular_scenes import PAPER_FOUR, line_set, min_ratio, same_points
 
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
@@ -161,22 +161,22 @@ SPECIAL = {
 def test_special_scene(name):
     points, directions, family, status, count, surfaces, transversals = SPECIAL[name]
     lines = line_set((points, directions))
-    found = singular_set(lines)
-    assert found.isolated_status is status
-    assert len(found.isolated_points_complex) == count
-    assert not found.singular_everywhere
-    assert found.family is family
-    assert [surface.kind for surface in found.surfaces] == surfaces
-    assert len(found.transversals) == transversals
-    for center in found.isolated_points:
-        assert smallest_ratio(lines, center) <= 1e-9
-    for transversal in found.transversals:
+    singular = singular_set(lines)
+    assert singular.isolated_status is status
+    assert len(singular.isolated_points_complex) == count
+    assert not singular.singular_everywhere
+    assert singular.family is family
+    assert [surface.kind for surface in singular.surfaces] == surfaces
+    assert len(singular.transversals) == transversals
+    for center in singular.isolated_points:
+        assert min_ratio(lines, center) <= 1e-9
+    for transversal in singular.transversals:
         assert transversal.residual <= 1e-9
         for place in (-2.3, 0.7, 3.1):
-            assert smallest_ratio(lines, transversal.point + place * transversal.direction) <= 1e-9
-    for surface in found.surfaces:
+            assert min_ratio(lines, transversal.point + place * transversal.direction) <= 1e-9
+    for surface in singular.surfaces:
         start = np.array([0.3, 0.4, 0.2])
-        assert smallest_ratio(lines, surface.nearest_point(start)) <= 1e-9
+        assert min_ratio(lines, surface.nearest_point(start)) <= 1e-9
 
 
 EVERYWHERE = {
@@ -195,25 +195,25 @@ EVERYWHERE = {
 
 @pytest.mark.parametrize("name", EVERYWHERE)
 def test_singular_everywhere(name):
-    points, directions, reason, least_lost = EVERYWHERE[name]
+    points, directions, reason, min_lost = EVERYWHERE[name]
     lines = line_set((points, directions))
-    found = singular_set(lines)
-    assert found.singular_everywhere
-    assert found.case is Case.SINGULAR_EVERYWHERE
-    assert found.isolated_status is IsolatedStatus.EVERYWHERE
-    assert reason in found.description
-    assert found.locus_kinds == (Kind.OBSERVED_LINE,) * len(lines)
+    singular = singular_set(lines)
+    assert singular.singular_everywhere
+    assert singular.case is Case.SINGULAR_EVERYWHERE
+    assert singular.isolated_status is IsolatedStatus.EVERYWHERE
+    assert reason in singular.description
+    assert singular.locus_kinds == (Kind.OBSERVED_LINE,) * len(lines)
     for center in np.random.default_rng(0).normal(size=(5, 3)):
-        assert len(found.lost_motions(center)) >= least_lost
+        assert len(singular.unobservable_motions(center)) >= min_lost
 
 
 def test_lost_motion_of_a_corridor_and_of_concurrent_lines():
     corridor = singular_set(line_set(EVERYWHERE["corridor"][:2]))
-    (motion,) = corridor.lost_motions([0.3, 0.4, 0.6])
+    (motion,) = corridor.unobservable_motions([0.3, 0.4, 0.6])
     assert motion.kind is MotionKind.TRANSLATION
     np.testing.assert_allclose(motion.linear, [1, 0, 0], atol=1e-12)
     star = singular_set(line_set(EVERYWHERE["concurrent"][:2]))
-    (motion,) = star.lost_motions([0.0, 2.0, 3.0])
+    (motion,) = star.unobservable_motions([0.0, 2.0, 3.0])
     assert motion.kind is MotionKind.TRANSLATION
     np.testing.assert_allclose(np.abs(motion.linear @ [-1, 2, 3]) / np.sqrt(14), 1.0, atol=1e-12)
 
@@ -239,7 +239,7 @@ def test_three_coplanar_lines_and_three_with_a_parallel_pair():
     pair = singular_set(line_set(([[0, 0, 0], [0, 2, 0], [1, 3, 1]], [[1, 0, 0], [1, 0, 0], [1, -2, 3]])))
     for surface in pair.surfaces:
         center = surface.nearest_point([0.4, 0.3, 1.2])
-        assert smallest_ratio(pair.lines, center) < 1e-9
+        assert min_ratio(pair.lines, center) < 1e-9
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12])
@@ -258,24 +258,24 @@ def test_nearly_special_scenes_change_their_answer_within_the_stated_tolerance_o
     points = np.array(points, float) + size * rng.normal(size=(4, 3))
     directions = np.array(directions, float) + size * rng.normal(size=(4, 3))
     lines = line_set((points, directions))
-    found = singular_set(lines)
+    singular = singular_set(lines)
     # Whatever is reported is right for these very lines.
-    for center, residual in zip(found.isolated_points, found.isolated_point_residuals, strict=True):
+    for center, residual in zip(singular.isolated_points, singular.isolated_point_residuals, strict=True):
         assert residual <= 1e-9
-        assert smallest_ratio(lines, center) <= 1e-8
-    for transversal in found.transversals:
+        assert min_ratio(lines, center) <= 1e-8
+    for transversal in singular.transversals:
         assert transversal.residual <= 1e-8
-    if found.isolated_status is IsolatedStatus.FINITE and len(found.isolated_points_complex) < 10:
-        assert "of the ten points" in found.description.lower()
+    if singular.isolated_status is IsolatedStatus.FINITE and len(singular.isolated_points_complex) < 10:
+        assert "of the ten points" in singular.description.lower()
     # TOLERANCE of transversals.py is 1e-9: far from it there is no doubt.
     if size >= 1e-5:
-        assert found.family in (F.TWO, F.COMPLEX_PAIR)
+        assert singular.family in (F.TWO, F.COMPLEX_PAIR)
     if size <= 1e-12:
-        assert found.family is family
-        assert len(found.transversals) == transversals
-        assert len(found.isolated_points_complex) == count
+        assert singular.family is family
+        assert len(singular.transversals) == transversals
+        assert len(singular.isolated_points_complex) == count
     if size >= 1e-4:
-        assert len(found.isolated_points_complex) == 10
+        assert len(singular.isolated_points_complex) == 10
 
 
 def test_orientation_does_not_matter():
@@ -294,12 +294,12 @@ def test_invalid_input_is_refused_by_the_name_of_the_line():
     lines = line_set(PAPER_FOUR)
     with pytest.raises(GeometryError, match="line 2: its moment is"):
         singular_set(LineSet(lines.direction, lines.moment * [[1], [1e60], [1], [1]], "world"))
-    found = singular_set(lines)
+    singular = singular_set(lines)
     for wrong in ([0, 1], [0, 0, np.inf], "here", [0, -1e200, 0]):
-        for ask in (found.distances, found.lost_motions):
+        for ask in (singular.distances, singular.unobservable_motions):
             with pytest.raises(GeometryError, match="camera_center"):
                 ask(wrong)
-    assert np.isfinite(found.distance_arrays([1e50, -1e50, 1e50]).distance).all()
+    assert np.isfinite(singular.distance_arrays([1e50, -1e50, 1e50]).distance).all()
 
 
 def test_a_straight_line_of_singular_centres_is_not_ten_points():
@@ -313,5 +313,5 @@ def test_a_straight_line_of_singular_centres_is_not_ten_points():
         if size[2] < 1e-12:
             singular += [(right[2:].T @ mix)[1:] / (right[2:].T @ mix)[0] for mix in ([1.0, 0.3], [0.2, -1.0])]
     assert len(singular) >= 2
-    assert max(smallest_ratio(lines, center) for center in singular) < 1e-12
+    assert max(min_ratio(lines, center) for center in singular) < 1e-12
     assert singular_set(lines).isolated_status is S.POSITIVE_DIMENSIONAL

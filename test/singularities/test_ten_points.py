@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import sympy as sp
 from hypothesis import assume, given, settings
-from singular_scenes import PAPER_FOUR, integer_scenes, line_set, same_points, smallest_ratio
+from singular_scenes import PAPER_FOUR, integer_scenes, line_set, min_ratio, same_points
 
 from plsing_ros.errors import GeometryError
 from plsing_ros.singularities import IsolatedStatus, singular_set, solve_four_line_scenes
-from plsing_ros.singularities.exact import exact_point_count
+from plsing_ros.singularities.proofs.exact import exact_point_count
 
 PRIME = 32003
 x, y = sp.symbols("x y")
@@ -109,9 +109,9 @@ def force_minors(points, directions):
 def test_the_number_of_real_points_is_that_of_exact_arithmetic(scene):
     exact = exact_point_count(*scene)
     assume(exact is not None)
-    found = singular_set(line_set(scene))
-    assume(found.isolated_status is IsolatedStatus.FINITE and len(found.isolated_points_complex) == 10)
-    assert len(found.isolated_points) == exact.real
+    singular = singular_set(line_set(scene))
+    assume(singular.isolated_status is IsolatedStatus.FINITE and len(singular.isolated_points_complex) == 10)
+    assert len(singular.isolated_points) == exact.real
 
 
 def test_exact_arithmetic_counts_the_paper():
@@ -151,7 +151,7 @@ def test_ten_points_of_random_scenes(name, points, directions):
     for scene in np.flatnonzero(good)[:25]:
         lines = line_set((points[scene], directions[scene]))
         for center in batch.points[scene][batch.real[scene]].real:
-            assert smallest_ratio(lines, center) <= 1e-9
+            assert min_ratio(lines, center) <= 1e-9
 
 
 def test_two_points_that_merge():
@@ -170,19 +170,19 @@ def test_two_points_that_merge():
         middle = 0.5 * (low + high)
         low, high = (middle, high) if real(middle) == counts[change] else (low, middle)
     for t in (low, high):
-        found = singular_set(line_set(path(t)))
+        singular = singular_set(line_set(path(t)))
         assert (
-            len(found.isolated_points_complex) == 10
-            or found.isolated_status is not IsolatedStatus.FINITE
-            or ("coincide" in found.description)
+            len(singular.isolated_points_complex) == 10
+            or singular.isolated_status is not IsolatedStatus.FINITE
+            or ("coincide" in singular.description)
         )
-        assert found.isolated_complex_residuals.max() <= 1e-9
+        assert singular.isolated_complex_residuals.max() <= 1e-9
     separations = []
     for step in (1e-2, 1e-4, 1e-6):
         t = low - step if counts[change] > counts[change + 1] else high + step
-        found = singular_set(line_set(path(t)))
-        assert len(found.isolated_points_complex) == 10
-        p = found.isolated_points
+        singular = singular_set(line_set(path(t)))
+        assert len(singular.isolated_points_complex) == 10
+        p = singular.isolated_points
         separations.append(min(np.linalg.norm(a - b) for a, b in combinations(p, 2)))
     # Two simple zeros part like the square root of the distance from a double one.
     assert separations[1] < 0.5 * separations[0]
@@ -195,10 +195,10 @@ def test_batch_agrees_with_one_by_one_and_does_not_depend_on_the_chunk():
     small = solve_four_line_scenes(points, directions, chunk=7)
     np.testing.assert_array_equal(batch.real, small.real)
     for scene in range(30):
-        found = singular_set(line_set((points[scene], directions[scene])))
-        assert same_points(batch.points[scene], found.isolated_points_complex, 1e-7)
-        assert same_points(small.points[scene], found.isolated_points_complex, 1e-7)
-        assert (batch.discriminant[scene] > 0.0) == (len(found.transversals) == 2)
+        singular = singular_set(line_set((points[scene], directions[scene])))
+        assert same_points(batch.points[scene], singular.isolated_points_complex, 1e-7)
+        assert same_points(small.points[scene], singular.isolated_points_complex, 1e-7)
+        assert (batch.discriminant[scene] > 0.0) == (len(singular.transversals) == 2)
 
 
 def test_batch_names_the_line_without_direction():

@@ -1,0 +1,45 @@
+"""The monitor's permission to move."""
+
+from __future__ import annotations
+
+from plsing_ros.levels import Level
+from plsing_ros.stamp_filter import StampFilter
+
+
+class StatusGate:
+    """Open while the latest status of the monitor is recent and of a level that is allowed.
+
+    Attributes:
+        worst: The worst level that opens it.
+    """
+
+    def __init__(self, worst: Level, timeout: float, future_tolerance: float) -> None:
+        self.worst = worst
+        self._stamp_filter = StampFilter("singularity statuses", timeout, future_tolerance)
+        self._level = Level.STALE
+        self._reason = ""
+
+    def set_times(self, timeout: float, future_tolerance: float) -> None:
+        """Use other times [s], as in Freshness, from now on."""
+        self._stamp_filter.timeout, self._stamp_filter.future_tolerance = timeout, future_tolerance
+
+    def receive(self, level: int, reason: str, stamp: int, now: int) -> None:
+        """Take a status with its stamp, at a time of the node clock [ns]; one that is not fresh changes nothing."""
+        try:
+            known = Level(level)
+        except ValueError:
+            self._stamp_filter.note_problem(f"level {level} is none")
+            return
+        if self._stamp_filter.refusal(stamp, now) is None:
+            self._level, self._reason = known, reason
+
+    def closed(self, now: int) -> str | None:
+        """Return why the robot must not move now [ns], or None."""
+        silence = self._stamp_filter.silence(now)
+        if silence is not None:
+            return f"the gate is closed: {silence}"
+        if self._level > self.worst:
+            return (
+                f"the gate is closed: the monitor says {self._level.name}, allowed is {self.worst.name}: {self._reason}"
+            )
+        return None

@@ -1,0 +1,267 @@
+"""The controller's cycle without ROS: an observation in, a command out."""
+
+from __future__ import annotations
+
+from plsing_ros.arrays import Array
+from plsing_ros.control.command import Command, Mode
+from plsing_ros.control.gate import StatusGate
+from plsing_ros.control.servo_cycle import ServoCycle
+from plsing_ros.errors import ObservationError
+from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.features.target import MINIMUM_LINES, Target
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.levels import Level
+from plsing_ros.parameters import ControllerParameters
+from plsing_ros.planning.detour import Plan
+from plsing_ros.planning.path_tracker import detour_options
+from plsing_ros.planning.target_check import TargetCheck, check_target
+from plsing_ros.singularities.scene_loci import SceneLoci
+from plsing_ros.stamp_filter import StampFilter
+
+__all__ = ["MINIMUM_LINES", "Command", "Mode", "ServoController"]
+
+_DISABLED = "switched off by ~/enable"
+
+
+class ServoController:
+    """Turns observations into commands; commands zero and says why whenever it cannot trust its input.
+
+    Attributes:
+        gate: Takes the monitor's statuses; asked where the parameter gate says so.
+        warning: What is doubtful about target and parameters, in words, or "".
+    """
+
+    def __init__(self, parameters: ControllerParameters) -> None:
+        self.warning = ""
+        self._enabled = True
+        self._target: Target | None = None
+        self._cycle: ServoCycle | None = None
+        self._refused = ""
+        self._loci: SceneLoci | None = None
+        self._seen: LineSet | None = None
+        self._stamp_filter = StampFilter("features", parameters.features_timeout, parameters.future_tolerance)
+        self.gate = StatusGate(Level[parameters.gate_level], parameters.gate_timeout, parameters.future_tolerance)
+        self._parameters: ControllerParameters | None = None
+        self.parameters = parameters
+
+    @property
+    def parameters(self) -> ControllerParameters:
+        """The parameters in force; setting them takes effect at the next step."""
+        assert self._parameters is not None
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, parameters: ControllerParameters) -> None:
+        before = self._parameters
+        target, loci = self._target, self._loci
+        # Whatever raises comes first, so that a refused set changes nothing.
+        if before is None or _task(parameters) != _task(before):
+            if parameters.target_source == "pose":
+                seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
+                target = Target(LineObservation.of_lines(seen), "target pose")
+            loci = SceneLoci(parameters.lines()) if parameters.lines_points else None
+        replan = before is not None and detour_options(parameters) != detour_options(before)
+        self._stamp_filter.timeout = parameters.features_timeout
+        self._stamp_filter.future_tolerance = parameters.future_tolerance
+        self.gate.worst = Level[parameters.gate_level]
+        self.gate.set_times(parameters.gate_timeout, parameters.future_tolerance)
+        self._parameters = parameters
+        if target is not self._target or loci is not self._loci or replan:
+            self._target, self._loci = target, loci
+            self._restart()
+        elif self._cycle is not None:
+            self._cycle.parameters = parameters
+        self._check_target()
+
+    @property
+    def enabled(self) -> bool:
+        """When False, every answer is DISABLED; a run begins anew when it becomes True."""
+        return self._enabled
+
+    @enabled.setter
+    def enabled(self, enabled: bool) -> None:
+        if enabled and not self._enabled:
+            self._restart()
+        self._enabled = enabled
+
+    @property
+    def plan(self) -> Plan | None:
+        """The path that is followed, or was refused; None without one."""
+        return None if self._cycle is None else self._cycle.plan
+
+    @property
+    def target(self) -> Target | None:
+        """Where it leads, or None if not known yet."""
+        return self._target
+
+    def set_target(self, desired: LineObservation) -> None:
+        """Use these image lines as s* from now on.
+
+        Raises:
+            ObservationError: If fewer than three of them are usable.
+        """
+        self._target = Target(desired, "desired features")
+        if self._cycle is None:
+            self._restart()
+        else:
+            self._cycle.retarget(self._target, self._target_pose(self._target))
+        self._check_target()
+
+    def check_target(self, target: Pose, start: Pose | None) -> TargetCheck:
+        """Return what detour would do about a target.
+
+        Args:
+            target: T_world_camera there.
+            start: T_world_camera where the path begins; None for where the camera is now.
+
+        Raises:
+            ObservationError: If the scene, or where the camera is, is not known.
+        """
+        if self._loci is None:
+            raise ObservationError("no scene given (parameters lines.*), so the loci are not known")
+        if start is None and self._seen is not None:
+            start = self._loci.camera_pose(self._seen)
+        if start is None:
+            raise ObservationError(
+                "where the camera is now is not known: no usable features yet, or they do not fit the scene"
+            )
+        return check_target(self._loci.singular_set, start, target, detour_options(self.parameters))
+
+    def step(self, observation: LineObservation, stamp: int, now: int) -> Command:
+        """Return the command for an observation.
+
+        Lines are matched by id; those without a target or out of sight are left out.
+
+        Args:
+            observation: What the camera sees, with 3-D lines.
+            stamp: Of the observation [ns].
+            now: Of the node clock [ns].
+
+        Raises:
+            ObservationError: If the observation cannot be used; call halt with the reason.
+        """
+        parameters = self.parameters
+        reaction = _reaction(observation.verdict, parameters)
+        command = self._not_to_move(observation, reaction, stamp, now)
+        cycle = self._cycle
+        if command is not None or cycle is None:
+            self._pause()
+            return command or Command(Mode.WAITING, "no target: no desired features received yet")
+        lines, image = _common(observation, cycle.target)
+        self._seen = lines
+        return cycle.command(lines, image, parameters.slow_scale if reaction == "slow" else 1.0, stamp)
+
+    def _not_to_move(self, observation: LineObservation, reaction: str, stamp: int, now: int) -> Command | None:
+        if not self._enabled:
+            return Command(Mode.DISABLED, _DISABLED)
+        problem = self._stamp_filter.refusal(stamp, now)
+        if problem is None and self._refused:
+            return Command(Mode.REFUSED, self._refused)
+        if problem is None and reaction == "halt":
+            problem = f"3-D lines are {observation.verdict.name}: {observation.verdict_reason}"
+        if problem is None and self.parameters.gate == "status":
+            problem = self.gate.closed(now)
+        return None if problem is None else Command(Mode.HALTED, problem)
+
+    def halt(self, reason: str) -> Command:
+        """Return a command of zero twist with the reason, for features that cannot be used or for a shutdown."""
+        self._stamp_filter.note_problem(reason)
+        self._pause()
+        return Command(Mode.HALTED if self._enabled else Mode.DISABLED, reason)
+
+    def silence(self, now: int) -> Command | None:
+        """Return the command for input that has stopped, or None while it is recent enough (now in ns)."""
+        if not self._enabled:
+            return Command(Mode.DISABLED, _DISABLED)
+        reason = self._stamp_filter.silence(now)
+        if reason is None:
+            return None
+        self._pause()
+        return Command(Mode.WAITING if self._stamp_filter.last_stamp is None else Mode.HALTED, reason)
+
+    def _pause(self) -> None:
+        if self._cycle is not None:
+            self._cycle.pause()
+
+    def _restart(self) -> None:
+        """Begin a run anew: integral, stall and path are those of the one before."""
+        self._cycle = None
+        if self._target is not None:
+            pose = self._target_pose(self._target)
+            self._cycle = ServoCycle(self.parameters, self._target, self._loci, pose)
+
+    def _target_pose(self, target: Target) -> Pose | None:
+        if self.parameters.target_source == "pose":
+            return self.parameters.target_pose()
+        if self._loci is None or target.lines is None:
+            return None
+        try:
+            return self._loci.camera_pose(target.lines)
+        except ObservationError:
+            # Reversed lines do not keep the laws that need no pose from going there.
+            return None
+
+    def _check_target(self) -> None:
+        """Find out whether the target is refused, or doubtful."""
+        self._refused = self.warning = ""
+        if self._target is None:
+            return
+        parameters = self.parameters
+        condition = self._target.view(self._target.ids, parameters.columns).inverse_condition_number
+        if condition is None:
+            return
+        if condition < parameters.min_target_condition:
+            pose = self._target_pose(self._target)
+            near = "" if self._loci is None or pose is None else self._loci.nearest_text(pose.translation)
+            self._refused = (
+                f"the target is at a singularity: its inverse condition number {condition:.3g} is below "
+                f"target.min_inverse_condition_number {parameters.min_target_condition:g}{near}"
+            )
+        elif condition <= parameters.pinv_threshold:
+            self.warning = (
+                f"pinv_threshold {parameters.pinv_threshold:g} is above the target's own inverse condition number "
+                f"{condition:.3g}: a motion is given up before the target is reached, and the camera stops short of it"
+            )
+
+
+def _task(parameters: ControllerParameters) -> tuple[object, ...]:
+    """Return what a target and a scene are made from."""
+    return (
+        parameters.lines_points,
+        parameters.lines_directions,
+        parameters.lines_ids,
+        parameters.target_position,
+        parameters.target_orientation,
+    )
+
+
+def _reaction(verdict: LinesVerdict, parameters: ControllerParameters) -> str:
+    """Return what the parameters say about lines of a verdict: halt, slow or ignore."""
+    if verdict < LinesVerdict.POOR:
+        return "ignore"
+    return parameters.poor_lines if verdict is LinesVerdict.POOR else parameters.ambiguous_lines
+
+
+def _common(observation: LineObservation, target: Target) -> tuple[LineSet, Array]:
+    """Return the 3-D lines that are in sight and in the target, and their image lines, shape (3n,).
+
+    Raises:
+        ObservationError: If there are fewer than three, or no 3-D lines.
+    """
+    seen = observation.lines_camera
+    if seen is not None and seen.ids == target.ids:
+        return seen, observation.usable_image_lines.ravel()
+    ids = observation.usable_ids
+    if seen is None:
+        if ids:
+            raise ObservationError(
+                "features have no 3-D lines (directions and moments are empty), which the interaction matrix needs"
+            )
+        raise ObservationError("none of the observed lines is usable")
+    rows = [row for row, i in enumerate(ids) if i in target]
+    if len(rows) < MINIMUM_LINES:
+        raise ObservationError(
+            f"only {len(rows)} usable line(s) with a target (usable: {list(ids)}, target: {list(target.ids)}); "
+            f"at least {MINIMUM_LINES} are needed"
+        )
+    return seen.select(rows), observation.usable_image_lines[rows].ravel()

@@ -1,0 +1,208 @@
+"""One cycle of the control law for one target: guard, speed limits and stall included."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.control.command import Command, Mode
+from plsing_ros.control.compute_twist import LawTwist, compute_twist
+from plsing_ros.control.guard import guarded_scale
+from plsing_ros.control.integral import ErrorIntegral
+from plsing_ros.control.plain_law import plain_twist
+from plsing_ros.control.saturation import saturated
+from plsing_ros.control.stall import StallWatch
+from plsing_ros.control.tool import tool_twist
+from plsing_ros.errors import ObservationError
+from plsing_ros.features import feature_error, interaction_matrix, smallest_over_largest
+from plsing_ros.features.target import MINIMUM_LINES, Target
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.parameters import ControllerParameters
+from plsing_ros.planning.detour import Plan
+from plsing_ros.planning.path_follower import Reference
+from plsing_ros.planning.path_tracker import PathTracker
+from plsing_ros.singularities.scene_loci import SceneLoci
+
+
+class ServoCycle:
+    """The law in force, with what it remembers from cycle to cycle."""
+
+    def __init__(
+        self, parameters: ControllerParameters, target: Target, loci: SceneLoci | None, T_world_target: Pose | None
+    ) -> None:
+        """Begin a run.
+
+        Args:
+            parameters: May be replaced while running.
+            target: Where to go.
+            loci: Of the scene, or None if it is not known.
+            T_world_target: Camera pose at the target, or None if it is not known.
+        """
+        self.parameters = parameters
+        self._loci = loci
+        self._integral = ErrorIntegral()
+        self._stall = StallWatch()
+        self._path: PathTracker | None = None
+        self.retarget(target, T_world_target)
+        # Of the latest cycle: what was left of the law's speed.
+        self._factor = 0.0
+
+    def retarget(self, target: Target, T_world_target: Pose | None) -> None:
+        """Go on with another target; the integral stays, so that a target that moves can be followed."""
+        self.target = target
+        if self._loci is None or T_world_target is None or target.lines is None:
+            self._path = None
+        elif self._path is None or not self._path.leads_to(T_world_target):
+            self._path = PathTracker(self._loci, T_world_target, target.lines)
+
+    @property
+    def plan(self) -> Plan | None:
+        """The path that is followed, or was refused; None without one."""
+        return None if self._path is None else self._path.plan
+
+    def pause(self) -> None:
+        """Take note that the camera was told to stand still in this cycle."""
+        self._factor = 0.0
+        self._stall.clear()
+
+    def command(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
+        """Return the command for lines that are in the target.
+
+        Args:
+            lines: In the camera's optical frame, three or more.
+            image: Their image lines, shape (3n,).
+            trust: Share of the speed that the trust in the lines allows, in [0, 1].
+            stamp: Of the observation [ns].
+
+        Raises:
+            ObservationError: If the law needs something that the observation or the target lacks.
+        """
+        parameters = self.parameters
+        if parameters.is_plain:
+            target_image = self.target.view(lines.ids, parameters.columns).image
+            asked, error_norm = plain_twist(parameters, lines, image, target_image)
+            return self._within_limits(lines, asked, error_norm, None, trust, stamp)
+        with _may_overflow():
+            if parameters.law == "detour":
+                return self._along_the_path(lines, image, trust, stamp)
+            return self._servo(lines, image, None, None, trust, stamp)
+
+    def _along_the_path(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
+        if self._path is None:
+            raise ObservationError("law = detour needs the scene (lines.*) and a target with 3-D lines that fit it")
+        found = self._path.reference(self.parameters, lines, image, stamp, self._factor)
+        if found is None:
+            self._factor = 0.0
+            return Command(Mode.REFUSED, "" if self.plan is None else self.plan.reason)
+        reference, pose = found
+        rows = [row for row, i in enumerate(lines.ids) if i in reference.target]
+        if len(rows) < MINIMUM_LINES:
+            raise ObservationError(f"only {len(rows)} line(s) have an image both here and on the path")
+        there = image.reshape(-1, 3)[rows].ravel()
+        return self._servo(lines.select(rows), there, reference, reference.displacement(pose), trust, stamp)
+
+    def _servo(
+        self,
+        lines: LineSet,
+        image: Array,
+        reference: Reference | None,
+        displacement: Array | None,
+        trust: float,
+        stamp: int,
+    ) -> Command:
+        parameters = self.parameters
+        target = self.target if reference is None else reference.target
+        view = target.view(lines.ids, parameters.columns)
+        error, error_norm = feature_error(image, view.image)
+        integral = self._integrated(error, lines.ids, stamp)
+        asked = compute_twist(parameters, interaction_matrix(lines), image, error, integral, view, displacement)
+        return self._within_limits(lines, asked, error_norm, reference, trust, stamp)
+
+    def _within_limits(
+        self, lines: LineSet, asked: LawTwist, error_norm: float, reference: Reference | None, trust: float, stamp: int
+    ) -> Command:
+        parameters = self.parameters
+        wanted = asked.twist if reference is None else asked.twist + parameters.selected(reference.feedforward)
+        if not (_is_finite(wanted) and math.isfinite(error_norm)):
+            return self._halted(
+                f"the control law gave a twist that is not finite: {wanted.tolist()}, from an error of {error_norm:.3g}"
+            )
+        scale = trust * self._guarded(lines, asked)
+        twist, limited = saturated(wanted if scale == 1.0 else wanted * scale, *parameters.speed_limits)
+        output = twist
+        if parameters.tool_frame:
+            with _may_overflow():
+                output = tool_twist(parameters.T_tool_camera, twist)
+            if not _is_finite(output):
+                return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
+        self._factor = scale * limited
+        values = asked.values.tolist()
+        mode, reason = Mode.SERVOING, ""
+        if reference is None or reference.progress >= 1.0:
+            mode, reason = self._progress(lines, error_norm, asked.gain, values, twist, stamp)
+        return Command(
+            mode,
+            reason,
+            twist,
+            output,
+            error_norm,
+            asked.gain,
+            smallest_over_largest(values),
+            asked.values if len(values) == 6 else np.array(values + [0.0] * (6 - len(values))),
+            asked.damping,
+            scale,
+            limited < 1.0,
+            0.0 if reference is None else reference.progress,
+        )
+
+    def _halted(self, reason: str) -> Command:
+        self._factor = 0.0
+        return Command(Mode.HALTED, reason)
+
+    def _integrated(self, error: Array, ids: tuple[int, ...], stamp: int) -> Array | None:
+        parameters = self.parameters
+        if parameters.integral_gain == 0.0:
+            return None
+        held_back = self._factor < 1.0
+        return self._integral.update(error, ids, stamp, parameters.integral_gain, parameters.integral_limit, held_back)
+
+    def _guarded(self, lines: LineSet, asked: LawTwist) -> float:
+        parameters = self.parameters
+        if parameters.law != "guarded" or asked.health >= 1.0:
+            return 1.0
+        offsets, velocity = None, asked.twist[:3]
+        pose = None if self._loci is None else self._loci.camera_pose(lines)
+        if self._loci is not None and pose is not None:
+            offsets, velocity = self._loci.offsets(pose.translation), pose.rotation @ velocity
+        return guarded_scale(offsets, velocity, asked.health, parameters.guard_margin, parameters.guard_floor)
+
+    def _progress(
+        self, lines: LineSet, error_norm: float, gain: float, values: list[float], twist: Array, stamp: int
+    ) -> tuple[Mode, str]:
+        parameters = self.parameters
+        if error_norm <= parameters.converged_error:
+            return Mode.CONVERGED, f"error norm {error_norm:.3g} is below {parameters.converged_error:g}"
+        # The image changes by at most the largest singular value times the twist.
+        ratio = values[0] * math.sqrt(sum([each * each for each in twist.tolist()])) / (gain * error_norm)
+        duration = self._stall.stalled_for(ratio, error_norm, parameters.stall_ratio, parameters.stall_error, stamp)
+        if duration is None or duration < parameters.stall_time:
+            return Mode.SERVOING, ""
+        pose = None if self._loci is None else self._loci.camera_pose(lines)
+        near = "" if self._loci is None or pose is None else self._loci.nearest_text(pose.translation)
+        return Mode.STALLED, (
+            f"for {duration:.3g} s the twist changes the image by no more than {ratio:.2g} of what the gain asks for, "
+            f"with an error norm of {error_norm:.3g}: a local minimum, or a target that no camera pose reaches; "
+            f"inverse condition number {smallest_over_largest(values):.3g}{near}"
+        )
+
+
+def _may_overflow() -> np.errstate:
+    # What overflows ends as a twist that is not finite, which is looked for.
+    return np.errstate(over="ignore", invalid="ignore")
+
+
+def _is_finite(twist: Array) -> bool:
+    # A sum of finite numbers that overflows is no twist either.
+    return math.isfinite(sum(twist.tolist()))

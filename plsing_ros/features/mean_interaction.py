@@ -1,0 +1,29 @@
+"""The mean of two interaction matrices of the same lines."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plsing_ros import kernels
+from plsing_ros.arrays import Array
+
+
+def mean_interaction(current: Array, image: Array, target: Array, target_image: Array) -> Array:
+    """Return half the sum of L and L*, each taken in the polar coordinates of its own image lines, shape (3n, m).
+
+    An image line (cos a, sin a, r) changes only along (-sin a, cos a, 0) and (0, 0, 1), so the rows of L* belong to
+    other directions than those of L. Before they are added, those of L* are turned to the image lines of L: then a
+    change of angle is added to a change of angle.
+
+    Args:
+        current: L, shape (3n, m).
+        image: The image lines that L belongs to, shape (3n,).
+        target: L*, shape (3n, m).
+        target_image: The image lines that L* belongs to, shape (3n,).
+
+    Source: the mean of ViSP, which has the features (r, a); in three coordinates new, docs/controller.md.
+    """
+    current, target = np.ascontiguousarray(current), np.ascontiguousarray(target)
+    mean = np.empty(current.shape)
+    kernels.mean_interaction(image, target_image, current, target, mean, mean.shape[1])
+    return mean

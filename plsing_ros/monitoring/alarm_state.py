@@ -1,0 +1,72 @@
+"""The worst of all indicators, with the memory that keeps a level from chattering, and why in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from plsing_ros.levels import Level
+from plsing_ros.monitoring.hysteresis import OK, Debounce, Hysteresis
+from plsing_ros.monitoring.indicators import Indicator
+from plsing_ros.singularities import LocusDistance, SingularSet
+
+
+class AlarmState:
+    """Levels of all indicators over the cycles.
+
+    Attributes:
+        debounce: In force from the next cycle on.
+    """
+
+    def __init__(self, debounce: Debounce) -> None:
+        self.debounce = debounce
+        self._latches: dict[str, Hysteresis] = {}
+
+    def forget(self) -> None:
+        """Begin anew: the next numbers count at once."""
+        self._latches.clear()
+
+    def levels(self, indicators: Sequence[Indicator], suppressed: int = 0) -> list[Level]:
+        """Return the level of each indicator, after one more cycle; the first few do not count at present."""
+        # Local names, and no call where nothing happens: this is done for every number in every cycle.
+        latches, levels = self._latches, []
+        for i, (name, value, thresholds, *_) in enumerate(indicators):
+            latch = latches.get(name)
+            if latch is None:
+                latch = latches[name] = Hysteresis()
+            if i < suppressed:
+                value = math.inf
+            if latch.calm and value >= thresholds.alarm:
+                levels.append(OK)
+            else:
+                levels.append(latch.update(value, thresholds, self.debounce))
+        return levels
+
+
+def worst(levels: Sequence[Level], singular: SingularSet) -> Level:
+    """Return the worst of the levels of all indicators."""
+    return Level.UNOBSERVABLE if singular.singular_everywhere else max(levels)
+
+
+def reasons(indicators: Sequence[Indicator], levels: Sequence[Level], singular: SingularSet, otherwise: str) -> str:
+    """Return why the worst level is in force; `otherwise` is what to say when all is well."""
+    level = worst(levels, singular)
+    if level is Level.UNOBSERVABLE:
+        return f"the scene is singular for every camera: {singular.description}"
+    if level is OK:
+        return otherwise
+    return "; ".join(each.reason(level) for each, own in zip(indicators, levels, strict=True) if own == level)
+
+
+def with_position(reason: str, nearest: LocusDistance | None, source: str, pose_tolerance: float) -> str:
+    """Return a reason with the nearest locus, and where the camera position is from if not from camera_pose."""
+    if source == "":
+        return (
+            f"{reason}; distances not known: no camera_pose within {pose_tolerance:g} s of the features, "
+            "and their 3-D lines do not fit the scene"
+        )
+    if nearest is not None and f"from {nearest.name}" not in reason:
+        reason = f"{reason}; {nearest.distance:.3f} m from {nearest.name}"
+    if source == "features":
+        reason += " (camera position from the features, no recent camera_pose)"
+    return reason

@@ -1,0 +1,202 @@
+"""The numbers that levels are judged by, each with its thresholds and its words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from plsing_ros.arrays import Array
+from plsing_ros.features import Conditioning, LineObservation
+from plsing_ros.features.observation import LinesVerdict
+from plsing_ros.levels import Level
+from plsing_ros.monitoring.approach import Approach
+from plsing_ros.monitoring.closed_loop_rollout import Expected
+from plsing_ros.monitoring.hysteresis import Thresholds, threshold_text
+from plsing_ros.parameters import MonitorParameters
+from plsing_ros.singularities import Kind, SingularSet
+
+_DISTANCES = {
+    "transversal_distance": (Kind.TRANSVERSAL,),
+    "isolated_point_distance": (Kind.ISOLATED_POINT,),
+    "surface_distance": (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC),
+}
+_CONDITION, _RELATIVE = "inverse_condition_number", "relative_inverse_condition_number"
+_CRITICAL_CONDITION = "the critical inverse condition number"
+_SMALLEST, _GROWTH, _TIME = "smallest_singular_value", "speed_growth", "time"
+# Share of trust: POOR lines may be wrong near a singularity, of AMBIGUOUS ones every number may be of another pose.
+_TRUST = {LinesVerdict.POOR: 0.5, LinesVerdict.AMBIGUOUS: 0.0}
+_TRUST_THRESHOLDS = Thresholds(0.75, 0.25, 0.75, 0.25)
+# A rate counts when it is this many times its standard error.
+_SIGNIFICANT = 3.0
+
+
+class Indicator(NamedTuple):
+    """One number that is the worse the smaller it is.
+
+    Attributes:
+        name: Of the number, the same in every cycle.
+        value: It.
+        thresholds: Where it becomes a concern.
+        text: Returns it in words, for reasons.
+        unit: Of the value, with a space before it.
+    """
+
+    name: str
+    value: float
+    thresholds: Thresholds
+    text: Callable[[], str]
+    unit: str = ""
+
+    def reason(self, level: Level) -> str:
+        """Return why it calls for a level, in words."""
+        if self.name != _GROWTH:
+            return f"{self.text()} is {threshold_text(self.value, self.thresholds, level, self.unit)}"
+        threshold = self.thresholds.critical if level == Level.CRITICAL else self.thresholds.warn
+        side = "above" if self.value < threshold else "not yet clearly below"
+        return f"{self.text()} is {side} {1.0 / threshold:.4g} times"
+
+
+_TRUSTED = Indicator("lines_verdict", 1.0, _TRUST_THRESHOLDS, lambda: "trust in the 3-D lines, poor a moment ago,")
+
+
+class Indicators:
+    """Makes the indicators of a cycle, for one scene and one set of parameters."""
+
+    def __init__(self, singular: SingularSet, parameters: MonitorParameters) -> None:
+        self._locus_names = singular.locus_names
+        mode = parameters.condition_thresholds
+        self._absolute_rules, self._relative_may_rule = mode in ("absolute", "both"), mode != "absolute"
+        self._absolute_stands_in = mode == "auto"
+        self._thresholds = {
+            name: _thresholds(parameters, name) for name in (*_DISTANCES, _CONDITION, _RELATIVE, _SMALLEST, _GROWTH)
+        }
+        self._soon = Thresholds(parameters.horizon, 0.0)
+        self._no_growth = Indicator(_GROWTH, math.inf, self._thresholds[_GROWTH], lambda: "speed, no longer predicted,")
+        self._no_time = self._time(math.inf, _CRITICAL_CONDITION)
+        self._distances = []
+        for name, kinds in _DISTANCES.items():
+            rows = [i for i, kind in enumerate(singular.locus_kinds) if kind in kinds]
+            if rows:
+                # The loci of a kind are next to each other.
+                self._distances.append((name, rows[0], rows[-1] + 1, self._thresholds[name]))
+
+    def measured(self, numbers: Conditioning, target_inverse: float | None, distance: Array | None) -> list[Indicator]:
+        """Return what is known of the present: conditioning, and distances [m] in the order of the set, if known."""
+        inverse = numbers.inverse_condition_number
+        absolute, relative = self._condition_rules(target_inverse)
+        found = []
+        if absolute:
+            found.append(
+                Indicator(_CONDITION, inverse, self._thresholds[_CONDITION], lambda: f"{condition_text(inverse)}")
+            )
+        if relative and target_inverse is not None:
+            ratio = inverse / target_inverse
+            found.append(
+                Indicator(
+                    _RELATIVE,
+                    ratio,
+                    self._thresholds[_RELATIVE],
+                    lambda: f"{condition_text(inverse)}, {ratio:.3g} of that at the target,",
+                )
+            )
+        smallest = numbers.smallest_singular_value
+        text = lambda: f"smallest singular value {smallest:.4g}"  # noqa: E731
+        found.append(Indicator(_SMALLEST, smallest, self._thresholds[_SMALLEST], text))
+        if distance is not None:
+            values = distance.tolist()
+            found += [self._distance(*each, values) for each in self._distances]
+        return found
+
+    def _distance(self, name: str, start: int, stop: int, thresholds: Thresholds, distance: list[float]) -> Indicator:
+        these = distance[start:stop]
+        value = min(these)
+
+        def text() -> str:
+            return f"distance {value:.3f} m from {self._locus_names[start + these.index(value)]}"
+
+        return Indicator(name, value, thresholds, text, " m")
+
+    def expected(
+        self, growth: Expected | None, time_to_critical: float | None, approach: Approach | None
+    ) -> list[Indicator]:
+        """Return what is to come as numbers; infinite where nothing is, so that an alert ends by its debounce.
+
+        Args:
+            growth: The fastest motion ahead, in multiples of the speed at the start, or None if it is not known.
+            time_to_critical: Of the inverse condition number [s], or None.
+            approach: The closest approach ahead if the motion goes on as it is, or None.
+        """
+        if growth is not None:
+            return [self._growth(*growth), self._no_time]
+        # Without the law, only where the motion leads if it goes on as it is.
+        soon = math.inf if time_to_critical is None else time_to_critical
+        if approach is not None and approach.time < soon and self._is_critical(approach):
+            return [self._no_growth, self._time(approach.time, f"the closest approach to {approach.name}")]
+        return [self._no_growth, self._no_time if time_to_critical is None else self._time(soon, _CRITICAL_CONDITION)]
+
+    def _growth(self, times: float, after: float, with_noise: bool) -> Indicator:
+        def text() -> str:
+            what_for = "possible with the features' noise" if with_noise else "expected"
+            return f"speed {what_for} in {after:.2f} s, {times:.3g} times that at the start,"
+
+        return Indicator(_GROWTH, 1.0 / times, self._thresholds[_GROWTH], text)
+
+    def _time(self, time: float, what: str) -> Indicator:
+        return Indicator(_TIME, time, self._soon, lambda: f"time to {what}, {_seconds(time)}", " s")
+
+    def time_to_critical(
+        self, inverse: float, slope: tuple[float, float] | None, target_inverse: float | None
+    ) -> float | None:
+        """Return when the inverse condition number is critical at its rate (and standard error) [s], or None if not."""
+        if slope is None or slope[0] >= -_SIGNIFICANT * slope[1] or slope[0] >= 0.0:
+            return None
+        absolute, relative = self._condition_rules(target_inverse)
+        limit = self._thresholds[_CONDITION].critical if absolute else 0.0
+        if relative and target_inverse is not None:
+            limit = max(limit, self._thresholds[_RELATIVE].critical * target_inverse)
+        if inverse <= limit:
+            return 0.0
+        # Never infinite: a rate that is almost nothing leads nowhere.
+        time = (inverse - limit) / -slope[0] if -slope[0] > 1e-300 else math.inf
+        return time if time < 1e9 and limit > 0.0 else None
+
+    def _condition_rules(self, target_inverse: float | None) -> tuple[bool, bool]:
+        """Return whether the absolute and whether the relative thresholds rule."""
+        relative = target_inverse is not None and target_inverse > 0.0 and self._relative_may_rule
+        return self._absolute_rules or (self._absolute_stands_in and not relative), relative
+
+    def _is_critical(self, approach: Approach) -> bool:
+        name = next(name for name, kinds in _DISTANCES.items() if approach.kind in kinds)
+        return approach.distance < self._thresholds[name].critical
+
+
+def condition_text(inverse: float) -> str:
+    """Return the inverse condition number in words."""
+    return f"inverse condition number {inverse:.4g}"
+
+
+def _seconds(time: float) -> str:
+    return f"{time:.2f} s" if math.isfinite(time) else "no longer expected,"
+
+
+def verdict_indicator(observation: LineObservation) -> Indicator:
+    """Return how far the 3-D lines can be trusted, as a number: no status is better than its lines."""
+    verdict, why = observation.verdict, observation.verdict_reason
+    if verdict not in _TRUST:
+        return _TRUSTED
+    return Indicator(
+        "lines_verdict",
+        _TRUST[verdict],
+        _TRUST_THRESHOLDS,
+        lambda: f"trust in the 3-D lines ({verdict.name}{': ' if why else ''}{why})",
+    )
+
+
+def _thresholds(parameters: MonitorParameters, name: str) -> Thresholds:
+    warn, warn_exit, critical, critical_exit = (
+        # The worse the larger it is: its inverse is judged.
+        1.0 / value if name == _GROWTH and value > 0.0 else value
+        for value in parameters.thresholds(name)
+    )
+    return Thresholds(warn, critical, warn_exit, critical_exit)

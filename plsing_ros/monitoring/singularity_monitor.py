@@ -1,0 +1,303 @@
+"""The monitor's cycle without ROS: an observation in, an assessment out."""
+
+from __future__ import annotations
+
+import numpy.typing as npt
+
+from plsing_ros.arrays import Array
+from plsing_ros.errors import ObservationError
+from plsing_ros.features import LineObservation, conditioning, decompose_interaction
+from plsing_ros.features.target import MINIMUM_LINES
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.pose import checked_twist
+from plsing_ros.levels import Level
+from plsing_ros.monitoring.alarm_state import AlarmState, reasons, with_position, worst
+from plsing_ros.monitoring.approach import Approach, ApproachTable, Trend
+from plsing_ros.monitoring.assessment import Assessment
+from plsing_ros.monitoring.camera_position import CameraPosition
+from plsing_ros.monitoring.hysteresis import OK, Debounce
+from plsing_ros.monitoring.indicators import Indicators, condition_text, verdict_indicator
+from plsing_ros.monitoring.monitored_target import NOT_KNOWN, MonitoredTarget
+from plsing_ros.monitoring.prediction import Prediction
+from plsing_ros.monitoring.slope import Slope
+from plsing_ros.monitoring.unobservable_motion_text import unobservable_motion_text
+from plsing_ros.parameters import MonitorParameters
+from plsing_ros.singularities import DistanceArrays, SingularSet, singular_set
+from plsing_ros.stamp_filter import StampFilter
+
+_SECOND = 1_000_000_000
+# How far ahead the closest approach is looked for, at least [s].
+_LOOK_AHEAD = 10.0
+_DISABLED = "switched off by ~/enable"
+
+
+class SingularityMonitor:
+    """Assesses each observation against the singular set of the scene, computed once for each scene.
+
+    Attributes:
+        enabled: When False, every answer is DISABLED.
+    """
+
+    def __init__(self, parameters: MonitorParameters) -> None:
+        self.enabled = True
+        self._stamp_filter = StampFilter("features", parameters.features_timeout, parameters.future_tolerance)
+        self._position = CameraPosition()
+        self._prediction = Prediction()
+        self._alarm_state = AlarmState(Debounce(parameters.raise_cycles, parameters.lower_cycles))
+        self._parameters = parameters
+        self._use_scene(singular_set(parameters.lines()))
+        self._use_target(parameters)
+        self._use(parameters)
+
+    @property
+    def singular_set(self) -> SingularSet:
+        """The singular set of the scene."""
+        return self._singular_set
+
+    @property
+    def parameters(self) -> MonitorParameters:
+        """The parameters in force; setting them takes effect at the next assessment."""
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, parameters: MonitorParameters) -> None:
+        before = self._parameters
+        new_scene = _scene(parameters) != _scene(before)
+        # Whatever raises comes first, so that a refused set changes nothing.
+        singular = singular_set(parameters.lines()) if new_scene else self._singular_set
+        if new_scene or _target(parameters) != _target(before):
+            self._use_target(parameters)
+        if new_scene:
+            self._use_scene(singular)
+        self._use(parameters)
+
+    def _use_scene(self, singular: SingularSet) -> None:
+        self._singular_set = singular
+        self._approaches = ApproachTable(singular)
+        self._forget()
+
+    def _use_target(self, parameters: MonitorParameters) -> None:
+        target = None
+        if parameters.target_known:
+            seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
+            target = MonitoredTarget(LineObservation.of_lines(seen), "target pose")
+        self._set_target(target)
+
+    def _use(self, parameters: MonitorParameters) -> None:
+        self._stamp_filter.timeout = parameters.features_timeout
+        self._stamp_filter.future_tolerance = parameters.future_tolerance
+        self._alarm_state.debounce = Debounce(parameters.raise_cycles, parameters.lower_cycles)
+        self._indicators = Indicators(self._singular_set, parameters)
+        if parameters.rate_window != self._parameters.rate_window:
+            self._slope = Slope(parameters.rate_window)
+        self._parameters = parameters
+
+    def set_target(self, observation: LineObservation) -> None:
+        """Take what the camera will see at the target, with 3-D lines, from now on.
+
+        Raises:
+            ObservationError: If it has fewer than three usable lines, or no 3-D lines.
+        """
+        self._set_target(MonitoredTarget(observation, "desired features"))
+
+    def _set_target(self, target: MonitoredTarget | None) -> None:
+        self._target = target
+        self._prediction.restart()
+
+    def receive_pose(self, T_world_camera: Pose, stamp: int) -> None:
+        """Take the camera's pose in the scene frame at a stamp [ns], for features of about that time."""
+        self._position.receive(T_world_camera, stamp)
+
+    def forget_poses(self) -> None:
+        """Trust no pose received so far: the latest one was refused."""
+        self._position.forget()
+
+    def receive_twist(self, twist: npt.ArrayLike, stamp: int) -> None:
+        """Take the commanded twist of the camera in its optical frame, shape (6,) [m/s, rad/s], at a stamp [ns].
+
+        Raises:
+            GeometryError: If it is not six finite numbers, or one is beyond 1e50.
+        """
+        self._prediction.receive_twist(checked_twist("twist", twist), stamp, self._parameters.min_speed)
+
+    def assess(self, observation: LineObservation, stamp: int, now: int) -> Assessment | None:
+        """Return the assessment of an observation, or None if it is refused (too old, out of order) among good ones.
+
+        Args:
+            observation: What the camera sees, with 3-D lines.
+            stamp: Of the observation [ns].
+            now: Of the node clock [ns].
+        """
+        if not self.enabled:
+            return self._disabled(stamp)
+        self._follow_clock(now)
+        refusal = self._stamp_filter.refusal(stamp, now)
+        if refusal is not None:
+            # One bad message among good ones changes nothing; a stream of them is as good as silence.
+            silence = self._stamp_filter.silence(now)
+            return None if silence is None else self._unknown(Level.STALE, silence, now)
+        parameters, singular = self._parameters, self._singular_set
+        try:
+            lines = self._usable_lines(observation)
+            pose, source = self._position.locate(singular.lines, lines, stamp, parameters.pose_tolerance)
+        except ObservationError as error:
+            return self.unusable(str(error), stamp)
+        factors = decompose_interaction(lines)
+        numbers = conditioning(factors, parameters.characteristic_length)
+        target_inverse, target_image = NOT_KNOWN if self._target is None else self._target.at(lines.ids)
+        distances = None if pose is None else singular.distance_arrays(pose.translation)
+        measured = self._indicators.measured(numbers, target_inverse, None if distances is None else distances.distance)
+        slope = self._slope.add(numbers.inverse_condition_number, stamp)
+        time_to_critical = self._indicators.time_to_critical(numbers.inverse_condition_number, slope, target_inverse)
+        twist = self._prediction.recent_twist(stamp, parameters.twist_timeout)
+        trend, approach = self._motion(distances, pose, twist)
+        growth = self._prediction.growth(
+            observation, factors, pose, singular.lines, target_image, twist, stamp, parameters
+        )
+        near = [each for each in measured if each.value < each.thresholds.alarm]
+        calm, suppressed, foreseen = "", 0, (time_to_critical, approach)
+        if parameters.rollout_rules and self._prediction.rules:
+            # Near a singularity is not yet in trouble: here it is known what the law will do, or will be in a moment.
+            suppressed = len(measured)
+            calm = "awaiting the law's roll-out" if growth is None else "passed calmly by the law's roll-out"
+            foreseen = (None, None)
+        indicators = [*measured, *self._indicators.expected(growth, *foreseen), verdict_indicator(observation)]
+        nearest = None if distances is None else self._approaches.nearest(distances)
+        levels = self._alarm_state.levels(indicators, suppressed)
+        level = worst(levels, singular)
+
+        def explain() -> str:
+            reason = reasons(indicators, levels, singular, condition_text(numbers.inverse_condition_number))
+            reason = with_position(reason, nearest, source, parameters.pose_tolerance)
+            return f"{reason}; near a singularity, {calm}" if calm and near and level is OK else reason
+
+        def describe_unobservable_motion() -> str:
+            return (
+                unobservable_motion_text(numbers.least_observable_direction, pose, singular, nearest)
+                if near or level is not OK
+                else ""
+            )
+
+        return Assessment(
+            level,
+            explain,
+            stamp,
+            line_count=len(lines),
+            conditioning=numbers,
+            inverse_condition_number_rate=None if slope is None else slope[0],
+            locus_distances=None if distances is None else distances.distance,
+            nearest=nearest,
+            trend=trend,
+            approach=approach,
+            time_to_critical=time_to_critical,
+            position_source=source,
+            describe_unobservable_motion=describe_unobservable_motion,
+            target_inverse_condition_number=target_inverse,
+            pose=pose,
+        )
+
+    def assess_pose(self, T_world_camera: Pose) -> Assessment:
+        """Return what a camera that sees all lines of the scene would be told at a pose; nothing else is changed by it.
+
+        Its level is without hysteresis, debounce and prediction; relative thresholds take part if a target is known.
+        """
+        seen = LineObservation.of_lines(self._singular_set.lines.transformed(T_world_camera.inverse(), "camera"))
+        try:
+            lines = self._usable_lines(seen)
+        except ObservationError as error:
+            why = str(error)
+            return Assessment(Level.UNOBSERVABLE, lambda: why, 0)
+        numbers = conditioning(decompose_interaction(lines), self._parameters.characteristic_length)
+        target_inverse = None if self._target is None else self._target.at(lines.ids).inverse_condition_number
+        distances = self._singular_set.distance_arrays(T_world_camera.translation)
+        nearest = self._approaches.nearest(distances)
+        indicators = self._indicators.measured(numbers, target_inverse, distances.distance)
+        levels = [each.thresholds.entered(each.value) for each in indicators]
+        level = worst(levels, self._singular_set)
+        reason = reasons(indicators, levels, self._singular_set, condition_text(numbers.inverse_condition_number))
+        reason = with_position(reason, nearest, "pose asked for", self._parameters.pose_tolerance)
+        lost = (
+            ""
+            if level is OK
+            else unobservable_motion_text(
+                numbers.least_observable_direction, T_world_camera, self._singular_set, nearest
+            )
+        )
+        return Assessment(
+            level,
+            lambda: reason,
+            0,
+            line_count=len(lines),
+            conditioning=numbers,
+            locus_distances=distances.distance,
+            nearest=nearest,
+            position_source="camera_pose",
+            describe_unobservable_motion=lambda: lost,
+            target_inverse_condition_number=target_inverse,
+        )
+
+    def silence(self, now: int) -> Assessment | None:
+        """Return what to say when no features come (now in ns): STALE, DISABLED, or None if they are recent enough."""
+        if not self.enabled:
+            return self._disabled(now)
+        self._follow_clock(now)
+        reason = self._stamp_filter.silence(now)
+        return None if reason is None else self._unknown(Level.STALE, reason, now)
+
+    def unusable(self, reason: str, stamp: int) -> Assessment:
+        """Return the UNOBSERVABLE assessment of features that cannot be used."""
+        if not self.enabled:
+            return self._disabled(stamp)
+        self._stamp_filter.note_problem(reason)
+        return self._unknown(Level.UNOBSERVABLE, reason, stamp)
+
+    def _disabled(self, stamp: int) -> Assessment:
+        return self._unknown(Level.DISABLED, _DISABLED, stamp)
+
+    def _unknown(self, level: Level, reason: str, stamp: int) -> Assessment:
+        self._forget()
+        return Assessment(level, lambda: reason, stamp)
+
+    def _forget(self) -> None:
+        """Begin anew: what was before says nothing about what comes next."""
+        self._alarm_state.forget()
+        self._slope = Slope(self._parameters.rate_window)
+        self._prediction.interrupt()
+
+    def _follow_clock(self, now: int) -> None:
+        """Drop everything stamped by a clock that has since jumped back."""
+        if self._stamp_filter.follow_clock(now):
+            self._position.forget()
+            self._prediction.restart()
+            self._forget()
+
+    def _usable_lines(self, observation: LineObservation) -> LineSet:
+        known = self._singular_set.lines.ids
+        if observation.ids != known:
+            unknown = sorted(set(observation.ids) - set(known))
+            if unknown:
+                raise ObservationError(f"line id {unknown[0]} is not in the scene, whose ids are {list(known)}")
+        if observation.lines_camera is None and observation.usable_ids:
+            raise ObservationError("features have no 3-D lines (directions and moments are empty)")
+        if observation.lines_camera is None or len(observation.lines_camera) < MINIMUM_LINES:
+            raise ObservationError(
+                f"{len(observation.usable_ids)} of {len(observation.ids)} lines are usable "
+                f"({list(observation.usable_ids)}); at least {MINIMUM_LINES} are needed"
+            )
+        return observation.lines_camera
+
+    def _motion(
+        self, distances: DistanceArrays | None, pose: Pose | None, twist: Array | None
+    ) -> tuple[Trend, Approach | None]:
+        if twist is None or pose is None or distances is None:
+            return Trend.UNKNOWN, None
+        horizon = max(self._parameters.horizon, _LOOK_AHEAD)
+        return self._approaches.ahead(distances, pose, twist, horizon)
+
+
+def _scene(parameters: MonitorParameters) -> tuple[object, ...]:
+    return parameters.lines_points, parameters.lines_directions, parameters.lines_ids
+
+
+def _target(parameters: MonitorParameters) -> tuple[object, ...]:
+    return parameters.target_known, parameters.target_position, parameters.target_orientation

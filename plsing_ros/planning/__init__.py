@@ -1,0 +1,1 @@
+"""Paths round singular loci: planned, checked, and followed."""

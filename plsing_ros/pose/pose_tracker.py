@@ -1,0 +1,102 @@
+"""The pose estimator's cycle without ROS: image lines in, a camera pose with its verdict and completed features out."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.geometry import Pose
+from plsing_ros.parameters import PoseEstimatorParameters
+from plsing_ros.pose import PoseEstimate, PoseEstimator, Verdict, failed_estimate, lift_lines
+from plsing_ros.stamp_filter import StampFilter
+
+_SECOND = 1_000_000_000
+# Standard deviations that the last pose may be off by.
+_DEVIATIONS = 3.0
+_LINES_VERDICTS = {
+    Verdict.OK: LinesVerdict.OK,
+    Verdict.POOR: LinesVerdict.POOR,
+    Verdict.AMBIGUOUS: LinesVerdict.AMBIGUOUS,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPose:
+    """What came of one image.
+
+    Attributes:
+        estimate: The pose, with how far it can be trusted.
+        completed: The image lines with their 3-D lines at that pose, carrying the verdict; None if FAILED.
+    """
+
+    estimate: PoseEstimate
+    completed: LineObservation | None
+
+
+class PoseTracker:
+    """Estimates one pose after the other; says FAILED and why whenever it cannot trust its input."""
+
+    def __init__(self, parameters: PoseEstimatorParameters) -> None:
+        self._stamp_filter = StampFilter("features", parameters.features_timeout, parameters.future_tolerance)
+        self.parameters = parameters
+
+    @property
+    def parameters(self) -> PoseEstimatorParameters:
+        """The parameters in force; setting them takes effect at the next image."""
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, parameters: PoseEstimatorParameters) -> None:
+        self._estimator = PoseEstimator(parameters.lines(), parameters)
+        self._last: tuple[int, PoseEstimate] | None = None
+        self._stamp_filter.timeout = parameters.features_timeout
+        self._stamp_filter.future_tolerance = parameters.future_tolerance
+        self._parameters = parameters
+
+    def track(self, observation: LineObservation, stamp: int, now: int) -> TrackedPose:
+        """Return the pose of an image.
+
+        Args:
+            observation: Image lines with ids; 3-D lines in it are not used.
+            stamp: Of the image [ns].
+            now: Of the node clock [ns].
+
+        Raises:
+            ObservationError: If a line is not in the scene; call fail with the reason.
+        """
+        refusal = self._stamp_filter.refusal(stamp, now)
+        if refusal is not None:
+            return TrackedPose(failed_estimate(refusal), None)
+        estimate = self._estimator.estimate(observation, *self._last_pose(stamp))
+        if estimate.T_world_camera is None:
+            self._stamp_filter.note_problem(estimate.reason)
+            return TrackedPose(estimate, None)
+        if estimate.verdict is not Verdict.AMBIGUOUS:
+            self._last = (stamp, estimate)
+        completed = lift_lines(self._estimator.lines, estimate, observation)
+        verdict = _LINES_VERDICTS[estimate.verdict]
+        return TrackedPose(estimate, dataclasses.replace(completed, verdict=verdict, verdict_reason=estimate.reason))
+
+    def fail(self, reason: str) -> TrackedPose:
+        """Return a failure with its reason, for features that cannot be used."""
+        self._stamp_filter.note_problem(reason)
+        return TrackedPose(failed_estimate(reason), None)
+
+    def silence(self, now: int) -> TrackedPose | None:
+        """Return a failure for input that has stopped, or None while it is recent enough (now in ns)."""
+        reason = self._stamp_filter.silence(now)
+        return None if reason is None else TrackedPose(failed_estimate(reason), None)
+
+    def _last_pose(self, stamp: int) -> tuple[Pose | None, tuple[float, float]]:
+        """Return the last pose if it is recent enough, and how far the camera can be from there [m, rad]."""
+        if self._last is None:
+            return None, (0.0, 0.0)
+        seconds = (stamp - self._last[0]) / _SECOND
+        if not 0.0 <= seconds <= self._parameters.last_pose_timeout:
+            return None, (0.0, 0.0)
+        last = self._last[1]
+        return last.T_world_camera, (
+            self._parameters.max_linear_speed * seconds + _DEVIATIONS * last.position_deviation,
+            self._parameters.max_angular_speed * seconds + _DEVIATIONS * last.rotation_deviation,
+        )

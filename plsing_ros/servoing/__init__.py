@@ -1,1 +1,0 @@
-"""Control law, controller cycle, monitor and simulated camera, without ROS."""

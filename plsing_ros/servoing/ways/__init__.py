@@ -1,1 +1,0 @@
-"""Ways round singular loci: planned, judged, and followed."""

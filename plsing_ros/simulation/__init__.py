@@ -1,0 +1,1 @@
+"""A simulated camera and whole servo runs, without ROS."""

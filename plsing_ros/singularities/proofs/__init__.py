@@ -1,0 +1,1 @@
+"""Proofs about a singular set: imported by nobody but its command."""

@@ -1,0 +1,92 @@
+"""Which stamped messages are recent enough to act on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+_SECOND = 1_000_000_000
+
+
+@dataclass
+class StampFilter:
+    """Judges stamps of one input: too old, too far ahead, or older than one already accepted.
+
+    A stamp equal to the last one is accepted: it is the same frame, sent again. When the clock itself jumps back (a
+    bag that loops, a simulation that restarts), the memory of earlier stamps is dropped.
+
+    Attributes:
+        what: Name of the input, for the reasons, as a plural noun ("features").
+        timeout: Age up to which a stamp is accepted [s].
+        future_tolerance: How far ahead of the clock a stamp may be [s].
+    """
+
+    what: str
+    timeout: float
+    future_tolerance: float
+
+    def __post_init__(self) -> None:
+        self._last_stamp: int | None = None
+        self._last_now: int | None = None
+        self._last_problem: str | None = None
+
+    @property
+    def last_stamp(self) -> int | None:
+        """The last accepted stamp [ns], or None."""
+        return self._last_stamp
+
+    def note_problem(self, problem: str) -> None:
+        """Remember why the latest message could not be used, for the reason of a later silence."""
+        self._last_problem = problem
+
+    def refusal(self, stamp: int, now: int) -> str | None:
+        """Return why a message with this stamp must not be used, or None and remember it.
+
+        Args:
+            stamp: Of the message [ns].
+            now: Of the node clock [ns].
+        """
+        self._last_problem = self._problem(stamp, now)
+        if self._last_problem is None:
+            self._last_stamp = stamp
+        return self._last_problem
+
+    def silence(self, now: int) -> str | None:
+        """Return why there is nothing to act on now [ns], or None if the last accepted message is recent enough."""
+        self.follow_clock(now)
+        problem = "" if self._last_problem is None else f"; the latest were refused: {self._last_problem}"
+        if self._last_stamp is None:
+            return f"no {'usable ' if problem else ''}{self.what} received yet{problem}"
+        age = (now - self._last_stamp) / _SECOND
+        if age > self.timeout:
+            return f"no {self.what} for {age:.3g} s, allowed are {self.timeout:g} s{problem}"
+        return None
+
+    def _problem(self, stamp: int, now: int) -> str | None:
+        self.follow_clock(now)
+        age = (now - stamp) / _SECOND
+        if stamp == 0:
+            return f"{self.what} have no stamp (it is zero); the publisher must set header.stamp"
+        if stamp < 0:
+            return f"{self.what} are stamped at {stamp / _SECOND:.9g} s, before time zero"
+        if age > self.timeout:
+            hint = "; do the clocks agree, and is use_sim_time set where it must be?" if age > 60.0 else ""
+            return f"{self.what} are {age:.3g} s old, allowed are {self.timeout:g} s{hint}"
+        if age < -self.future_tolerance:
+            hint = "; do the clocks agree, and is use_sim_time set where it must be?" if age < -60.0 else ""
+            return (
+                f"{self.what} are stamped {-age:.3g} s ahead of the clock, allowed are "
+                f"{self.future_tolerance:g} s{hint}"
+            )
+        if self._last_stamp is not None and stamp < self._last_stamp:
+            back = (self._last_stamp - stamp) / _SECOND
+            return f"{self.what} came out of order: stamped {back:.3g} s before earlier ones"
+        return None
+
+    def follow_clock(self, now: int) -> bool:
+        """Return whether the clock has jumped back to now [ns] since the last call, and forget earlier stamps if so."""
+        before, self._last_now = self._last_now, now
+        # The first comparison is for speed alone.
+        if before is None or now >= before or now >= before - int(self.future_tolerance * _SECOND):
+            return False
+        self._last_stamp = None
+        return True

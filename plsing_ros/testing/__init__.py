@@ -1,0 +1,1 @@
+"""The harness and the lockstep runner, for users' tests too: with nodes/ the only place that imports rclpy."""

@@ -1,0 +1,119 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.geometry import Pose
+from plsing_ros.geometry.scene_file import read_scene
+from plsing_ros.parameters import PoseEstimatorParameters
+from plsing_ros.parameters.config_files import config_file
+from plsing_ros.pose import Verdict
+from plsing_ros.pose.pose_tracker import PoseTracker
+
+SCENE = read_scene(config_file("paper_p4l.yaml"))
+SECOND = 1_000_000_000
+CALM = Pose.look_at([5.0, 2.0, 3.0], [0.0, 0.0, 3.0], down=[0.0, 0.0, -1.0])
+
+
+def parameters(**changes):
+    return PoseEstimatorParameters(
+        lines_points=tuple(SCENE.point.ravel()),
+        lines_directions=tuple(SCENE.direction.ravel()),
+        lines_ids=SCENE.ids,
+        **{"noise_image": 1e-4, **changes},
+    )
+
+
+def seen_from(pose):
+    """Image lines only, as a tracker has them."""
+    seen = LineObservation.of_lines(SCENE.transformed(pose.inverse(), "camera"))
+    return dataclasses.replace(seen, lines_camera=None)
+
+
+def test_an_image_gives_the_pose_and_its_lines_in_space():
+    tracked = PoseTracker(parameters()).track(seen_from(CALM), SECOND, SECOND)
+    assert tracked.estimate.verdict is Verdict.OK
+    assert tracked.estimate.T_world_camera.translation == pytest.approx(CALM.translation, abs=1e-9)
+    truth = SCENE.transformed(CALM.inverse(), "camera")
+    assert tracked.completed.verdict is LinesVerdict.OK
+    np.testing.assert_allclose(tracked.completed.lines_camera.direction, truth.direction, atol=1e-9)
+    np.testing.assert_allclose(tracked.completed.lines_camera.moment, truth.moment, atol=1e-9)
+
+
+def test_the_verdict_and_its_reason_travel_with_the_completed_features():
+    uncertain = PoseTracker(parameters(max_position_deviation=1e-8)).track(seen_from(CALM), SECOND, SECOND)
+    assert uncertain.estimate.verdict is Verdict.POOR
+    assert uncertain.completed.verdict is LinesVerdict.POOR
+    assert uncertain.completed.verdict_reason == uncertain.estimate.reason != ""
+
+
+def test_without_a_pose_there_are_no_features():
+    few = seen_from(CALM)
+    few = dataclasses.replace(few, usable=np.array([True, True, False, False]))
+    tracked = PoseTracker(parameters()).track(few, SECOND, SECOND)
+    assert tracked.estimate.verdict is Verdict.FAILED
+    assert "2 usable line(s)" in tracked.estimate.reason
+    assert tracked.completed is None
+
+
+@pytest.mark.parametrize(
+    ("stamp", "now", "words"),
+    [
+        (0, SECOND, "no stamp"),
+        (SECOND, 3 * SECOND, "2 s old"),
+        (3 * SECOND, SECOND, "2 s ahead of the clock"),
+    ],
+)
+def test_stamps_that_cannot_be_are_refused(stamp, now, words):
+    tracked = PoseTracker(parameters()).track(seen_from(CALM), stamp, now)
+    assert tracked.estimate.verdict is Verdict.FAILED
+    assert words in tracked.estimate.reason
+    assert tracked.completed is None
+
+
+def test_silence_says_since_when_and_why():
+    tracking = PoseTracker(parameters())
+    assert "no features received yet" in tracking.silence(SECOND).estimate.reason
+    tracking.track(seen_from(CALM), SECOND, SECOND)
+    assert tracking.silence(SECOND + SECOND // 10) is None
+    tracking.fail("the feature message has no lines")
+    reason = tracking.silence(3 * SECOND).estimate.reason
+    assert "no features for 2 s" in reason
+    assert "the feature message has no lines" in reason
+
+
+def test_a_scene_changed_while_running_is_used_at_the_next_image():
+    tracking = PoseTracker(parameters())
+    tracking.track(seen_from(CALM), SECOND, SECOND)
+    moved = np.asarray(SCENE.point) + [1.0, 0.0, 0.0]
+    tracking.parameters = dataclasses.replace(tracking.parameters, lines_points=tuple(moved.ravel()))
+    tracked = tracking.track(seen_from(CALM), SECOND + 1, SECOND + 1)
+    assert tracked.estimate.T_world_camera.translation == pytest.approx(CALM.translation + [1.0, 0.0, 0.0], abs=1e-8)
+
+
+def without_line(number, observation):
+    return dataclasses.replace(observation, usable=np.array([i != number for i in observation.ids]))
+
+
+def test_what_three_lines_leave_open_the_motion_decides():
+    """Three lines have several poses; a camera that was seen a moment ago can be at one of them only."""
+    three = without_line(4, seen_from(CALM))
+    at_once = PoseTracker(parameters()).track(three, SECOND, SECOND)
+    assert at_once.estimate.verdict is Verdict.AMBIGUOUS
+    tracking = PoseTracker(parameters())
+    tracking.track(seen_from(CALM), SECOND, SECOND)
+    soon = SECOND + SECOND // 25
+    tracked = tracking.track(three, soon, soon)
+    assert tracked.estimate.verdict is not Verdict.AMBIGUOUS
+    assert tracked.estimate.alternatives == ()
+    assert tracked.estimate.T_world_camera.translation == pytest.approx(CALM.translation, abs=1e-8)
+
+
+def test_a_camera_that_has_jumped_is_not_held_at_its_last_place():
+    far = Pose.look_at([-4.0, 3.0, 2.0], [0.0, 0.0, 3.0], down=[0.0, 0.0, -1.0])
+    tracking = PoseTracker(parameters())
+    tracking.track(seen_from(CALM), SECOND, SECOND)
+    soon = SECOND + SECOND // 25
+    tracked = tracking.track(seen_from(far), soon, soon)
+    assert tracked.estimate.T_world_camera.translation == pytest.approx(far.translation, abs=1e-8)
