@@ -93,7 +93,7 @@ class Prediction:
             factors: Of L at the usable lines.
             pose: T_world_camera, if it is known.
             scene: The lines in the scene frame.
-            target_image: Image lines at the target, shape (n, 3), if it is known; otherwise it is found from the twists.
+            target_image: Image lines at the target, shape (n, 3), if known; otherwise it is found from the twists.
             twist: The recent one, if there is any.
             stamp: Of the observation [ns].
             parameters: In force.

@@ -96,7 +96,7 @@ def _along(a: Array, b: Array) -> Array:
 
 
 def _halton_points() -> Array:
-    """Return points spread evenly over the unit ball (Halton's sequence), always the same, shape (at most _NODES, 3)."""
+    """Return points spread evenly over the unit ball (Halton's sequence), always the same, shape (_NODES, 3)."""
     # The first point of the sequence is a corner of the cube.
     cube = 2.0 * qmc.Halton(3, scramble=False).random(2 * _NODES + 1)[1:] - 1.0
     return np.asarray(cube[np.linalg.norm(cube, axis=1) <= 1.0][:_NODES])

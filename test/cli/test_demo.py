@@ -8,7 +8,7 @@ from plsing_ros.simulation import near_transversal
 
 
 def test_runs_a_start_and_leaves_a_table_and_figures(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(near_transversal, "MOST_STEPS", 250)  # past the blow-up of Start 2
+    monkeypatch.setattr(near_transversal, "MAX_STEPS", 250)  # past the blow-up of Start 2
     assert demo.main(["--starts", "2", "--output", str(tmp_path / "new" / "folder")]) == 0
     output = capfd.readouterr().out
     assert "Start 2" in output and "250, not arrived" in output
