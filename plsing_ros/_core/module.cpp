@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core.hpp"
 
+namespace plsing {
+void bind_features(py::module_ &module);
+}  // namespace plsing
+
 PYBIND11_MODULE(compiled, module)
 {
     module.doc() = "Inner loops of every cycle; plsing_ros/_core says what is in which file.";
+    plsing::bind_features(module);
 }

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// The interaction matrix, and the motion that makes up for a difference of features best: what a control cycle is.
+#include <cmath>
+
+#include "core.hpp"
+#include "least_squares.hpp"
+#include "lines.hpp"
+
+namespace plsing {
+namespace {
+
+double norm_of(const Eigen::VectorXd &vector)
+{
+    const double norm = vector.norm();
+    // Too large or too small for squares.
+    return norm > 1e-140 && norm < 1e140 ? norm : vector.blueNorm();
+}
+
+py::tuple subtract(const Values &a, const Values &b)
+{
+    require(a.size() == b.size(), "the vectors must be as long as each other");
+    const Eigen::VectorXd difference = a - b;
+    return py::make_tuple(array_of(difference), norm_of(difference));
+}
+
+py::object interaction_matrix(const Vectors &direction, const Vectors &moment, double min_depth)
+{
+    require(direction.rows() == moment.rows(), "there must be a moment for each direction");
+    Tall matrix;
+    if (!fill_interaction_matrix(direction, moment, min_depth, matrix))
+        return py::none();
+    return array_of(matrix);
+}
+
+py::object parts_of(const Svd &decomposed)
+{
+    if (!decomposed.is_finite())
+        return py::none();
+    return py::make_tuple(array_of(decomposed.left()), array_of(decomposed.values()),
+                          array_of(decomposed.right().transpose()));
+}
+
+void require_few_columns(const View<Dynamic, Dynamic> &matrix)
+{
+    require(matrix.cols() >= 1 && matrix.cols() <= max_unknowns, "a matrix must have 1 to 6 columns");
+}
+
+py::object svd(const View<Dynamic, Dynamic> &matrix)
+{
+    require_few_columns(matrix);
+    return parts_of(Svd(Tall(matrix)));
+}
+
+py::object interaction_svd(const Vectors &direction, const Vectors &moment, double min_depth)
+{
+    require(direction.rows() == moment.rows(), "there must be a moment for each direction");
+    Tall matrix;
+    if (!fill_interaction_matrix(direction, moment, min_depth, matrix))
+        return py::none();
+    return parts_of(Svd(matrix));
+}
+
+py::object solve(const View<Dynamic, Dynamic> &matrix, const Values &right_side, double factor, double threshold)
+{
+    require_few_columns(matrix);
+    require(right_side.size() == matrix.rows(), "the right side must be as long as the matrix");
+    const Svd decomposed{Tall(matrix)};
+    if (!decomposed.is_finite())
+        return py::none();
+    const Unknowns components = factor * decomposed.components(right_side);
+    return py::make_tuple(array_of(decomposed.values()), array_of(decomposed.right().transpose()),
+                          array_of(components), array_of(decomposed.solve(components, threshold)));
+}
+
+py::object compute_twist(const Vectors &direction, const Vectors &moment, const Values &image, const Values &desired,
+                         double min_depth, double gain, double threshold)
+{
+    const Index n = direction.rows();
+    require(moment.rows() == n && image.size() == 3 * n && desired.size() == 3 * n, "there must be n lines in each");
+    Tall matrix;
+    if (!fill_interaction_matrix(direction, moment, min_depth, matrix))
+        return py::none();
+    const Eigen::VectorXd error = image - desired;
+    const Svd decomposed(matrix);
+    if (!decomposed.is_finite())
+        return py::none();
+    const Unknowns twist = decomposed.solve(-gain * decomposed.components(error), threshold);
+    return py::make_tuple(array_of(twist), array_of(decomposed.values()), norm_of(error));
+}
+
+py::array_t<double> mean_interaction(const Values &image, const Values &desired_image,
+                                     const View<Dynamic, Dynamic> &interaction,
+                                     const View<Dynamic, Dynamic> &desired_interaction)
+{
+    const Index rows = image.size();
+    require(rows % 3 == 0 && desired_image.size() == rows && interaction.rows() == rows &&
+                desired_interaction.rows() == rows && desired_interaction.cols() == interaction.cols(),
+            "there must be three rows for each line in all of them");
+    Eigen::MatrixXd mean = 0.5 * (interaction + desired_interaction);
+    for (Index i = 0; i < rows; i += 3) {
+        const auto L = interaction.middleRows<2>(i), L_desired = desired_interaction.middleRows<2>(i);
+        const Eigen::Vector2d across(-image(i + 1), image(i));
+        const Eigen::RowVector2d across_desired(-desired_image(i + 1), desired_image(i));
+        mean.middleRows<2>(i) = 0.5 * (L + across * (across_desired * L_desired));
+    }
+    return array_of(mean);
+}
+
+}  // namespace
+
+void bind_features(py::module_ &module)
+{
+    module.def("subtract", &subtract);
+    module.def("interaction_matrix", &interaction_matrix);
+    module.def("svd", &svd);
+    module.def("interaction_svd", &interaction_svd);
+    module.def("solve", &solve);
+    module.def("compute_twist", &compute_twist);
+    module.def("mean_interaction", &mean_interaction);
+}
+
+}  // namespace plsing

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "least_squares.hpp"
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+#include "core.hpp"
+
+namespace plsing {
+
+Svd::Svd(const Eigen::Ref<const Tall> &matrix)
+{
+    const Index k = matrix.cols();
+    const double size = matrix.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+    if (matrix.rows() < k || !std::isfinite(size))
+        return;
+    // The largest element becomes about one, without rounding, so that squares neither over- nor underflow.
+    int exponent = 0;
+    std::frexp(size, &exponent);
+    exponent = std::max(exponent, -1000);
+    triangular_.compute(std::ldexp(1.0, -exponent) * matrix);
+    const Small triangle = triangular_.matrixQR().topRows(k).triangularView<Eigen::Upper>();
+    const Eigen::JacobiSVD<Small, Eigen::NoQRPreconditioner> svd(triangle, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    values_ = svd.singularValues().unaryExpr([exponent](double value) { return std::ldexp(value, exponent); });
+    right_ = triangular_.colsPermutation() * svd.matrixV();
+    left_of_triangle_ = svd.matrixU();
+    finite_ = std::isfinite(values_(0));
+}
+
+Tall Svd::left() const
+{
+    const Index k = triangular_.cols();
+    Tall left = Tall::Zero(triangular_.rows(), k);
+    left.topRows(k) = left_of_triangle_;
+    left.applyOnTheLeft(triangular_.householderQ().setLength(k));
+    return left;
+}
+
+Unknowns Svd::components(const Eigen::Ref<const Eigen::VectorXd> &vector) const
+{
+    const Index k = triangular_.cols();
+    Eigen::VectorXd reflected = vector;
+    reflected.applyOnTheLeft(triangular_.householderQ().setLength(k).adjoint());
+    return left_of_triangle_.transpose() * reflected.head(k);
+}
+
+Unknowns Svd::solve(const Unknowns &components, double threshold) const
+{
+    Unknowns along = components.cwiseQuotient(values_);
+    along = (values_.array() > threshold * values_(0)).select(along, 0.0);
+    return right_ * along;
+}
+
+}  // namespace plsing

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Least squares with up to six unknowns, by the singular value decomposition.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/QR>
+
+namespace plsing {
+
+constexpr int max_unknowns = 6;
+// Singular values up to this times the largest are zero to working precision.
+constexpr double rounding = 2.2e-16;
+
+using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, max_unknowns, max_unknowns>;
+using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, max_unknowns, 1>;
+using Tall = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, Eigen::Dynamic, max_unknowns>;
+
+// The thin singular value decomposition of a matrix (m, k), m >= k and k <= 6: a QR decomposition with pivots, and
+// Jacobi's rotations of its triangular factor.
+class Svd {
+public:
+    explicit Svd(const Eigen::Ref<const Tall> &matrix);
+
+    // Whether the matrix and its singular values are finite; if not, nothing else is of use.
+    bool is_finite() const { return finite_; }
+    // Largest first, (k).
+    const Unknowns &values() const { return values_; }
+    // Right singular vectors as columns, (k, k).
+    const Small &right() const { return right_; }
+    // Left singular vectors as columns, (m, k).
+    Tall left() const;
+    // Their products with a vector (m).
+    Unknowns components(const Eigen::Ref<const Eigen::VectorXd> &vector) const;
+    // The shortest x for which |matrix x - b| is least, given the components of b; singular values up to `threshold`
+    // times the largest are taken as zero.
+    Unknowns solve(const Unknowns &components, double threshold = 0.0) const;
+    // Whether the columns are independent to working precision.
+    bool has_full_rank() const { return finite_ && values_(values_.size() - 1) > rounding * values_(0); }
+
+private:
+    bool finite_ = false;
+    Eigen::ColPivHouseholderQR<Tall> triangular_;
+    Unknowns values_;
+    Small right_, left_of_triangle_;
+};
+
+}  // namespace plsing

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lines (u, l) with l = x cross u, and poses T_a_b: p_a = rotation p_b + translation.
+#pragma once
+
+#include "core.hpp"
+#include "least_squares.hpp"
+
+namespace plsing {
+
+// One vector of three a row, as numpy has them.
+using Rows3 = RowMajor<double, Dynamic, 3>;
+using Rows3Ref = Eigen::Ref<const Rows3>;
+
+struct Pose {
+    Matrix3d rotation = Matrix3d::Identity();
+    Vector3d translation = Vector3d::Zero();
+};
+
+struct Lines {
+    Rows3 direction, moment;
+};
+
+inline Matrix3d skew(const Vector3d &v)
+{
+    return (Matrix3d() << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0).finished();
+}
+
+// The pose of a frame, in what it was before, that moved by the screw exp(step), (v, omega) [m, rad].
+Pose exponential(const Vector6d &step);
+
+// Lines in the frame b of T_a_b: u R and (l - t cross u) R, in rows.
+Lines in_frame(const Rows3Ref &direction, const Rows3Ref &moment, const Pose &T_a_b);
+
+// Whether a line of this moment in the camera frame has an image: |(l_x, l_y)|, its depth, is no less than min_depth
+// times the larger of 1 m and the moment's largest element, and all is finite.
+inline bool has_image(const Vector3d &moment, double depth, double min_depth)
+{
+    // The depth is infinite also for (infinity, NaN).
+    return std::isfinite(depth) && std::isfinite(moment.z()) &&
+           depth >= min_depth * std::max(1.0, moment.cwiseAbs().maxCoeff());
+}
+
+// Fill the interaction matrix (3n, 6) of n lines in the camera frame; false, with it unfinished, if one has no image.
+bool fill_interaction_matrix(const Rows3Ref &direction, const Rows3Ref &moment, double min_depth, Tall &matrix);
+
+// Fill s - s* (3n), the images of lines of these moments minus image lines, which are only of use if they have any.
+void fill_image_error(const Rows3Ref &moment, const Rows3Ref &image_lines, Eigen::VectorXd &error);
+
+}  // namespace plsing
