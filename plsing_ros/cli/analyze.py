@@ -12,7 +12,6 @@ import numpy.typing as npt
 from plsing_ros.arrays import Array
 from plsing_ros.cli.command import run_command
 from plsing_ros.figures.scene_page import save_scene_page
-from plsing_ros.geometry.pose import checked_position
 from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.singularities import SingularSet, singular_set
 from plsing_ros.singularities.proofs.certify import certify
@@ -44,16 +43,31 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     singular = singular_set(read_scene(options.scene))
-    print(singular)
+    print("\n".join(_description(singular)))
     if options.certify:
         print("\n".join(_proofs(singular)))
     if options.at is not None:
-        print("\n".join(_situation(singular, checked_position("--at", options.at))))
+        print("\n".join(_situation(singular, np.array(options.at))))
     if options.page is not None:
         lines, surfaces = (size * singular.frame.length for size in _DRAWN)
         save_scene_page(options.page, options.scene, singular, singular.surfaces, (), lines, surfaces)
         print(f"\npage: {options.page}")
     return 0
+
+
+def _description(singular: SingularSet) -> list[str]:
+    lines = [singular.description, ""]
+    for transversal in singular.transversals:
+        lines.append(
+            f"{transversal.name}: through {_vector(transversal.point)} m along {_vector(transversal.direction)}, "
+            f"residual {transversal.residual:.1e}"
+        )
+    for number, (point, residual) in enumerate(
+        zip(singular.isolated_points, singular.isolated_point_residuals, strict=True), start=1
+    ):
+        lines.append(f"isolated point {number}: {_vector(point)} m, residual {residual:.1e}")
+    lines += [f"{surface.name}: degree {surface.degree}" for surface in singular.surfaces]
+    return lines
 
 
 def _proofs(singular: SingularSet) -> list[str]:

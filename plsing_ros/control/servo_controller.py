@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command, Mode
 from plsing_ros.control.gate import StatusGate
 from plsing_ros.control.servo_cycle import ServoCycle
-from plsing_ros.errors import ObservationError, PlsingError
+from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import Level
 from plsing_ros.parameters import ControllerParameters
-from plsing_ros.parameters.options import parameters_from_options
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_tracker import detour_options
 from plsing_ros.planning.target_check import TargetCheck, check_target
-from plsing_ros.pose import PoseEstimator, lift_lines
-from plsing_ros.pose.line_lifting import lift_lines_at
 from plsing_ros.singularities.scene_loci import SceneLoci
-from plsing_ros.stamp_filter import StampFilter, stamp_from_seconds
+from plsing_ros.stamp_filter import StampFilter
 
 __all__ = ["MINIMUM_LINES", "Command", "Mode", "ServoController"]
 
@@ -32,42 +26,12 @@ _DISABLED = "switched off by ~/enable"
 class ServoController:
     """Turns observations into commands; commands zero and says why whenever it cannot trust its input.
 
-    Args:
-        lines: The scene, in the world frame; needed for a target pose.
-        target: T_world_camera of the target, or what the camera sees there; None: set_target says it later.
-        options: Every parameter of the controller by its name (docs/reference), nested where it has dots:
-            law="guarded", gain=0.5, detour={"margin": 0.2}.
-
-    Raises:
-        ParameterError: If an option is unknown or not allowed.
-        ObservationError: If the target shows fewer than three usable lines.
-
     Attributes:
         gate: Takes the monitor's statuses; asked where the parameter gate says so.
         warning: What is doubtful about target and parameters, in words, or "".
     """
 
-    def __init__(
-        self, lines: LineSet | None = None, target: Pose | LineObservation | None = None, **options: Any
-    ) -> None:
-        given = dict(options)
-        if isinstance(target, Pose):
-            position, orientation = target.translation.tolist(), target.quaternion_xyzw.tolist()
-            given["target"] = {"position": position, "orientation": orientation, **given.get("target", {})}
-        else:
-            given["target"] = {"source": "topic", **given.get("target", {})}
-        self._start(parameters_from_options(ControllerParameters, given, lines))
-        if isinstance(target, LineObservation):
-            self.set_target(target)
-
-    @classmethod
-    def from_parameters(cls, parameters: ControllerParameters) -> ServoController:
-        """Return a controller with the parameters of a node."""
-        controller = cls.__new__(cls)
-        controller._start(parameters)
-        return controller
-
-    def _start(self, parameters: ControllerParameters) -> None:
+    def __init__(self, parameters: ControllerParameters) -> None:
         self.warning = ""
         self._enabled = True
         self._target: Target | None = None
@@ -75,7 +39,6 @@ class ServoController:
         self._refused = ""
         self._loci: SceneLoci | None = None
         self._seen: LineSet | None = None
-        self._estimator: PoseEstimator | None = None
         self._stamp_filter = StampFilter("features", parameters.features_timeout, parameters.future_tolerance)
         self.gate = StatusGate(Level[parameters.gate_level], parameters.gate_timeout, parameters.future_tolerance)
         self._parameters: ControllerParameters | None = None
@@ -97,7 +60,6 @@ class ServoController:
                 seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
                 target = Target(LineObservation.of_lines(seen), "target pose")
             loci = SceneLoci(parameters.lines()) if parameters.lines_points else None
-            self._estimator = None
         replan = before is not None and detour_options(parameters) != detour_options(before)
         self._stamp_filter.timeout = parameters.features_timeout
         self._stamp_filter.future_tolerance = parameters.future_tolerance
@@ -165,38 +127,8 @@ class ServoController:
             )
         return check_target(self._loci.singular_set, start, target, detour_options(self.parameters))
 
-    def step(self, observation: LineObservation, time: float, pose: Pose | None = None) -> Command:
-        """Return the command for an observation that is made now; whatever is wrong with it is the command's reason.
-
-        Args:
-            observation: What the camera sees. Image lines alone are lifted to 3-D lines: by the pose, else by the pose
-                that they show themselves.
-            time: Of the observation [s], from any origin.
-            pose: T_world_camera at that time, if it is known.
-        """
-        try:
-            stamp = stamp_from_seconds(time)
-            return self.answer(self._lifted(observation, pose), stamp, stamp)
-        except PlsingError as error:
-            return self.halt(str(error))
-
-    def _lifted(self, observation: LineObservation, pose: Pose | None) -> LineObservation:
-        if observation.lines_camera is not None or not observation.usable_ids:
-            return observation
-        if self._loci is None:
-            raise ObservationError("image lines without 3-D lines need the scene (argument lines), which is not given")
-        if pose is not None:
-            return lift_lines_at(self._loci.lines, pose, observation)
-        if self._estimator is None:
-            self._estimator = PoseEstimator(self._loci.lines)
-        estimate = self._estimator.estimate(observation)
-        verdict = LinesVerdict[estimate.verdict.name] if estimate.T_world_camera is not None else LinesVerdict.GIVEN
-        return replace(
-            lift_lines(self._loci.lines, estimate, observation), verdict=verdict, verdict_reason=estimate.reason
-        )
-
-    def answer(self, observation: LineObservation, stamp: int, now: int) -> Command:
-        """Return the command for an observation with the stamp of its message.
+    def step(self, observation: LineObservation, stamp: int, now: int) -> Command:
+        """Return the command for an observation.
 
         Lines are matched by id; those without a target or out of sight are left out.
 
@@ -295,9 +227,7 @@ class ServoController:
 def _task(parameters: ControllerParameters) -> tuple[object, ...]:
     """Return what a target and a scene are made from."""
     return (
-        parameters.lines_points,
-        parameters.lines_directions,
-        parameters.lines_ids,
+        parameters.scene,
         parameters.target_position,
         parameters.target_orientation,
     )

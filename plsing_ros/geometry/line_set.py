@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -18,6 +19,7 @@ from plsing_ros.geometry.pose import Pose, checked_position
 # Rounding of (direction, moment) through a float64 message and back stays far below this; a row that violates it
 # does not come from rounding.
 _TOLERANCE = 1e-6
+_EXACT: Array = np.zeros(())
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +34,17 @@ class LineSet:
         moment: Moments about the frame's origin, shape (n, 3) [m].
         frame: Name of the frame the coordinates are in.
         ids: One distinct integer for each line; 1 to n if not given.
+        position_std: How well each line is known: standard deviation of its pivot in each direction across it,
+            shape (n,) [m]; one number is that of all lines.
+        direction_std: Standard deviation of its direction about each axis across it, with the pivot in place,
+            shape (n,) [rad]; one number is that of all lines.
+        pivots: The point of each line that these errors are about, shape (n, 3) [m]; None: the point closest to the
+            frame's origin.
 
     Raises:
         GeometryError: If a value is not finite, a shape is wrong, a direction is not of unit length, a moment is not
-            orthogonal to its direction, or an id is repeated or no integer. The message names the line by id.
+            orthogonal to its direction, an id is repeated or no integer, or a standard deviation is negative. The
+            message names the line by id.
 
     Source: section "Recalls on the interaction model related to image lines".
     """
@@ -44,6 +53,9 @@ class LineSet:
     moment: Array
     frame: str
     ids: tuple[int, ...] = ()
+    position_std: Array = field(default_factory=lambda: _EXACT, kw_only=True)
+    direction_std: Array = field(default_factory=lambda: _EXACT, kw_only=True)
+    pivots: Array | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         direction = shaped_array("direction", self.direction, (None, 3))
@@ -56,6 +68,10 @@ class LineSet:
             _refuse(direction, moment, ids)
         for name, value in (("direction", direction), ("moment", moment), ("ids", ids)):
             object.__setattr__(self, name, value)
+        for name in ("position_std", "direction_std"):
+            object.__setattr__(self, name, _checked_std(name, getattr(self, name), ids))
+        if self.pivots is not None:
+            object.__setattr__(self, "pivots", shaped_array("pivots", self.pivots, (n, 3)))
 
     @classmethod
     def from_points_directions(
@@ -64,18 +80,22 @@ class LineSet:
         directions: npt.ArrayLike,
         frame: str = "world",
         ids: Sequence[int] = (),
+        position_std: npt.ArrayLike = 0.0,
+        direction_std: npt.ArrayLike = 0.0,
     ) -> LineSet:
         """Build lines from a point on each and a direction of any length.
 
         Args:
-            points: A point on each line, shape (n, 3) [m].
+            points: A point on each line, shape (n, 3) [m]; errors of the lines are about these points.
             directions: Directions, shape (n, 3), any length but zero; their sign orients the lines.
             frame: Frame of both.
             ids: One distinct integer for each line; 1 to n if not given.
+            position_std: How well the points are known across the lines, one number or shape (n,) [m].
+            direction_std: How well the directions are known, one number or shape (n,) [rad].
 
         Raises:
-            GeometryError: If a value is not finite, a shape is wrong, a direction is zero, a point is beyond 1e50 m, or
-                an id is repeated or no integer.
+            GeometryError: If a value is not finite, a shape is wrong, a direction is zero, a point is beyond 1e50 m, an
+                id is repeated or no integer, or a standard deviation is negative.
         """
         point = checked_array("points", points, (None, 3))
         direction = checked_array("directions", directions, (len(point), 3))
@@ -90,23 +110,34 @@ class LineSet:
             )
         unit = direction / largest
         unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-        return cls(unit, cross(point, unit), frame, checked_ids)
+        return cls(
+            unit,
+            cross(point, unit),
+            frame,
+            checked_ids,
+            position_std=np.asarray(position_std),
+            direction_std=np.asarray(direction_std),
+            pivots=point,
+        )
 
     def __len__(self) -> int:
         return len(self.direction)
-
-    def __str__(self) -> str:
-        rows = [
-            f"  line {i}: through ({', '.join(f'{x:.4g}' for x in point)}) m "
-            f"along ({', '.join(f'{x:.4g}' for x in direction)})"
-            for i, point, direction in zip(self.ids, self.point.tolist(), self.direction.tolist(), strict=True)
-        ]
-        return "\n".join([f"{len(self)} lines in frame {self.frame}", *rows])
 
     @cached_property
     def point(self) -> Array:
         """The point of each line closest to the frame's origin, shape (n, 3) [m]."""
         return cross(self.direction, self.moment)
+
+    @cached_property
+    def pivot(self) -> Array:
+        """The point of each line that its errors are about, shape (n, 3) [m]."""
+        return self.point if self.pivots is None else self.pivots
+
+    @cached_property
+    def exact(self) -> bool:
+        """Whether all lines are known exactly."""
+        exact = _zeros(len(self.ids))
+        return self.position_std is exact and self.direction_std is exact
 
     def transformed(self, T_target_source: Pose, frame: str) -> LineSet:
         """Return the same lines in another frame.
@@ -123,18 +154,37 @@ class LineSet:
         # direction @ this is translation cross direction.
         across = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
         moment = self.moment @ rotation.T + direction @ across
-        return LineSet(direction, moment, frame, self.ids)
+        if self.exact:
+            # Nothing is about their pivots, and every cycle comes here.
+            return LineSet(direction, moment, frame, self.ids)
+        return LineSet(
+            direction,
+            moment,
+            frame,
+            self.ids,
+            position_std=self.position_std,
+            direction_std=self.direction_std,
+            pivots=self.pivot @ rotation.T + translation,
+        )
 
     def select(self, rows: Sequence[int] | npt.NDArray[np.intp]) -> LineSet:
         """Return the lines of the given rows, in that order, with their ids."""
         chosen = [int(row) for row in rows]
         if chosen == list(range(len(self.ids))):
             return self
-        return LineSet(self.direction[chosen], self.moment[chosen], self.frame, tuple(self.ids[row] for row in chosen))
+        return LineSet(
+            self.direction[chosen],
+            self.moment[chosen],
+            self.frame,
+            tuple(self.ids[row] for row in chosen),
+            position_std=self.position_std[chosen],
+            direction_std=self.direction_std[chosen],
+            pivots=None if self.pivots is None else self.pivots[chosen],
+        )
 
     def reversed(self) -> LineSet:
         """Return the same lines with the opposite orientation."""
-        return LineSet(-self.direction, -self.moment, self.frame, self.ids)
+        return dataclasses.replace(self, direction=-self.direction, moment=-self.moment)
 
 
 def _refuse(direction: Array, moment: Array, ids: tuple[int, ...]) -> None:
@@ -154,6 +204,29 @@ def _refuse(direction: Array, moment: Array, ids: tuple[int, ...]) -> None:
         f"line {ids[row]}: moment {moment[row].tolist()} is not orthogonal to its direction "
         f"{direction[row].tolist()} (their product is {skewness[row]:.3g}), so it is not a line"
     )
+
+
+def _checked_std(name: str, value: Array, ids: tuple[int, ...]) -> Array:
+    """Return one standard deviation for each line, of one for all or one for each."""
+    exact = _zeros(len(ids))
+    if value is _EXACT or value is exact:
+        return exact
+    if value.ndim == 0:
+        value = np.full(len(ids), value, dtype=float)
+    std = checked_array(name, value, (len(ids),))
+    if not std.any():
+        return exact
+    if (std < 0.0).any():
+        row = int(np.argmin(std))
+        raise GeometryError(f"line {ids[row]}: {name} is {std[row]}; it must be at least 0")
+    return std
+
+
+@lru_cache(maxsize=64)
+def _zeros(n: int) -> Array:
+    zeros = np.zeros(n)
+    zeros.setflags(write=False)
+    return zeros
 
 
 @lru_cache(maxsize=64)

@@ -11,13 +11,17 @@ import yaml
 from plsing_ros.errors import PlsingError, SceneFileError
 from plsing_ros.geometry.line_set import LineSet
 
+# How well lines are known if a file does not say: a measured map of a room or a workpiece.
+POSITION_STD = 1e-3  # [m]
+DIRECTION_STD = 1e-3  # [rad]
+
 
 def read_scene(path: str | Path) -> LineSet:
-    """Return the lines that a ROS parameter file describes under lines.points, lines.directions, lines.ids.
+    """Return the lines that a ROS parameter file describes under lines.points, lines.directions, and so on.
 
     Args:
         path: YAML file as for --params-file. The first node name in it that has lines is taken ("/**" as a rule); an
-            absent scene_frame means "world".
+            absent scene_frame means "world", and absent tolerances are those of the nodes, 1 mm and 1 mrad.
 
     Raises:
         SceneFileError: If the file cannot be read, is no such YAML, or does not describe lines; it names the file.
@@ -40,6 +44,8 @@ def read_scene(path: str | Path) -> LineSet:
                     _rows("lines.directions", lines["directions"]),
                     str(parameters.get("scene_frame", "world")),
                     _listed("lines.ids", lines.get("ids", [])),
+                    position_std=_std("lines.position_std", lines.get("position_std", POSITION_STD)),
+                    direction_std=_std("lines.direction_std", lines.get("direction_std", DIRECTION_STD)),
                 )
             except PlsingError as error:
                 raise SceneFileError(f"scene file {path}: {error}") from None
@@ -47,6 +53,10 @@ def read_scene(path: str | Path) -> LineSet:
         f"scene file {path} has no lines; expected <node>: ros__parameters: lines: points: [x1, y1, z1, ...], "
         "directions: [x1, y1, z1, ...]"
     )
+
+
+def _std(name: str, value: Any) -> Any:
+    return value if isinstance(value, int | float) else _listed(name, value)
 
 
 def _rows(name: str, values: Any) -> Any:

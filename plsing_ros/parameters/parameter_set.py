@@ -27,6 +27,7 @@ class Specification:
         maximum: Largest allowed value likewise.
         choices: Allowed words; empty if any.
         live: Whether it may change at run time.
+        one_for_all: Whether one number may stand for an array.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Specification:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     live: bool = True
+    one_for_all: bool = False
 
     @property
     def range_text(self) -> str:
@@ -121,6 +123,8 @@ def specification(field: dataclasses.Field[Any]) -> Specification:
 def _converted(spec: Specification, expected: Any, value: Any) -> Any:
     arguments = typing.get_args(expected)
     if arguments:
+        if spec.one_for_all and isinstance(value, int | float):
+            value = (value,)
         try:
             items = list(value)
         except TypeError:

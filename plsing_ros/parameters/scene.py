@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from plsing_ros.errors import ParameterError, PlsingError
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.scene_file import DIRECTION_STD, POSITION_STD
 from plsing_ros.parameters.parameter_set import ParameterSet, parameter
 
 _INT32 = {"minimum": -(2**31), "maximum": 2**31 - 1}
@@ -32,6 +34,28 @@ class SceneParameters(ParameterSet):
     lines_ids: tuple[int, ...] = parameter(
         (), "lines.ids", "Distinct id of each line, as in line_features; if empty: 1 to n", **_INT32
     )
+    lines_position_std: tuple[float, ...] = parameter(
+        (POSITION_STD,),
+        "lines.position_std",
+        "How well the lines are known: standard deviation of the point of each line in both directions across it; "
+        "one number for all lines, or one for each",
+        unit="m",
+        minimum=0.0,
+        maximum=1e3,
+        live=False,
+        one_for_all=True,
+    )
+    lines_direction_std: tuple[float, ...] = parameter(
+        (DIRECTION_STD,),
+        "lines.direction_std",
+        "Standard deviation of the direction of each line about both axes across it, with its point in place; one "
+        "number for all lines, or one for each",
+        unit="rad",
+        minimum=0.0,
+        maximum=1.0,
+        live=False,
+        one_for_all=True,
+    )
     scene_frame: str = parameter(
         "world", "scene_frame", "Name of the frame of the lines and of camera_pose", live=False
     )
@@ -54,6 +78,13 @@ class SceneParameters(ParameterSet):
                 f"parameters 'lines.points' and 'lines.directions' have {len(self.lines_points)} and "
                 f"{len(self.lines_directions)} numbers; they must have 3 for each line, and as many as each other"
             )
+        count = len(self.lines_points) // 3
+        for name, std in (("position", self.lines_position_std), ("direction", self.lines_direction_std)):
+            if len(std) not in (1, count):
+                raise ParameterError(
+                    f"parameter 'lines.{name}_std' has {len(std)} numbers for {count} lines; it must have 1, or one "
+                    "for each line"
+                )
         try:
             self.lines()
         except PlsingError as error:
@@ -65,14 +96,39 @@ class SceneParameters(ParameterSet):
         if count < 3:
             raise ParameterError(f"parameter 'lines.points' gives {count} line(s); at least 3 are needed {purpose}")
 
+    @property
+    def scene(self) -> tuple[tuple[float, ...], ...]:
+        """All that the lines are made from: two sets with the same have the same lines."""
+        return (
+            self.lines_points,
+            self.lines_directions,
+            self.lines_ids,
+            self.lines_position_std,
+            self.lines_direction_std,
+        )
+
     def lines(self) -> LineSet:
         """Return the lines in the scene frame."""
+        count = len(self.lines_points) // 3
         return LineSet.from_points_directions(
             np.reshape(self.lines_points, (-1, 3)),
             np.reshape(self.lines_directions, (-1, 3)),
             self.scene_frame,
             self.lines_ids,
+            position_std=np.broadcast_to(self.lines_position_std, (count,)),
+            direction_std=np.broadcast_to(self.lines_direction_std, (count,)),
         )
+
+
+def scene_values(lines: LineSet) -> dict[str, Any]:
+    """Return a scene as parameters by ROS name."""
+    return {
+        "lines.points": lines.pivot.ravel().tolist(),
+        "lines.directions": lines.direction.ravel().tolist(),
+        "lines.ids": list(lines.ids),
+        "lines.position_std": lines.position_std.tolist(),
+        "lines.direction_std": lines.direction_std.tolist(),
+    }
 
 
 def pose_from_parameters(what: str, position: tuple[float, ...], orientation: tuple[float, ...]) -> Pose:

@@ -10,6 +10,7 @@ from typing import Any
 from plsing_ros.arrays import Array
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.parameters.scene import scene_values
 from plsing_ros.planning.detour import DetourOptions
 from plsing_ros.planning.trajectory_detour import TrajectoryDetour, plan_trajectory
 from plsing_ros.simulation.target_paths import FixedPoint, Path, View
@@ -88,18 +89,10 @@ class ServoTask:
         pose = self.followed.pose(time)
         return LineObservation.of_lines(self.lines.transformed(pose.inverse(), camera_frame))
 
-    def scene_values(self) -> dict[str, Any]:
-        """Return the scene as parameters by ROS name."""
-        return {
-            "lines.points": self.lines.point.ravel().tolist(),
-            "lines.directions": self.lines.direction.ravel().tolist(),
-            "lines.ids": list(self.lines.ids),
-        }
-
     def simulator_values(self) -> dict[str, Any]:
         """Return the simulator's parameters by ROS name."""
         return {
-            **self.scene_values(),
+            **scene_values(self.lines),
             **_pose_values("start", self.start_pose()),
             "mode": "lockstep",
             "time_step": self.time_step,
@@ -111,7 +104,7 @@ class ServoTask:
     def controller_values(self) -> dict[str, Any]:
         """Return the controller's parameters by ROS name."""
         return {
-            **self.scene_values(),
+            **scene_values(self.lines),
             **_pose_values("target", self.target_pose(0.0)),
             "target.source": "topic" if self.moving else "pose",
             # The paper's paths lead through singular points, which the controller would refuse as targets.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,8 +11,8 @@ import numpy.typing as npt
 from plsing_ros import kernels
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
-from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.geometry.pose import FARTHEST, checked_center
+from plsing_ros.geometry import LineSet
+from plsing_ros.geometry.pose import FARTHEST, checked_position
 from plsing_ros.singularities.cases import Case, classify
 from plsing_ros.singularities.degenerate_scenes import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, isolated_points_of_four, no_points
@@ -85,19 +84,6 @@ class SingularSet:
             parts.append(f"{count} ({self.isolated_status}).")
         return " ".join([*parts, self.note]).rstrip(" ;")
 
-    def __str__(self) -> str:
-        rows = [self.description, ""]
-        for transversal in self.transversals:
-            rows.append(
-                f"{transversal.name}: through {_vector_text(transversal.point)} m along "
-                f"{_vector_text(transversal.direction)}, residual {transversal.residual:.1e}"
-            )
-        for number, (point, residual) in enumerate(
-            zip(self.isolated_points.tolist(), self.isolated_point_residuals, strict=True), start=1
-        ):
-            rows.append(f"isolated point {number}: {_vector_text(point)} m, residual {residual:.1e}")
-        return "\n".join([*rows, *(f"{surface.name}: degree {surface.degree}" for surface in self.surfaces)])
-
     @cached_property
     def locus_names(self) -> tuple[str, ...]:
         """Names of the transversals, isolated points, observed lines and surfaces, in this order."""
@@ -129,18 +115,18 @@ class SingularSet:
         no_direction = np.zeros_like(points)
         return np.concatenate([point, points, lines.point]), np.concatenate([direction, no_direction, lines.direction])
 
-    def distance_arrays(self, pose_or_center: Pose | npt.ArrayLike) -> DistanceArrays:
+    def distance_arrays(self, camera_center: npt.ArrayLike) -> DistanceArrays:
         """Return the distances to all parts of the set in the order of locus_names; for every control cycle.
 
         The order never changes for one set: transversals, isolated points, observed lines, surfaces.
 
         Args:
-            pose_or_center: The camera centre in the frame of the lines, shape (3,) [m], or T_world_camera.
+            camera_center: In the frame of the lines, shape (3,) [m].
 
         Raises:
-            GeometryError: If the centre is not three finite numbers, or beyond 1e50 m.
+            GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
         """
-        center = checked_center("pose_or_center", pose_or_center)
+        center = checked_position("camera_center", camera_center)
         point, direction = self.lines_and_points
         m, k = len(point), len(point) + len(self.surfaces)
         closest, distance = np.empty((k, 3)), np.empty(k)
@@ -151,33 +137,33 @@ class SingularSet:
             distance[m:] = np.linalg.norm(closest[m:] - center, axis=1)
         return DistanceArrays(distance, closest)
 
-    def distances(self, pose_or_center: Pose | npt.ArrayLike) -> list[LocusDistance]:
+    def distances(self, camera_center: npt.ArrayLike) -> list[LocusDistance]:
         """Return the distances to all parts of the set, nearest first; equal ones in the order of locus_names.
 
         Args:
-            pose_or_center: The camera centre in the frame of the lines, shape (3,) [m], or T_world_camera.
+            camera_center: In the frame of the lines, shape (3,) [m].
 
         Raises:
-            GeometryError: If the centre is not three finite numbers, or beyond 1e50 m.
+            GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
         """
-        arrays = self.distance_arrays(pose_or_center)
+        arrays = self.distance_arrays(camera_center)
         distance = arrays.distance.tolist()
         return [
             LocusDistance(self.locus_kinds[i], self.locus_names[i], distance[i], arrays.closest_point[i])
             for i in sorted(range(len(distance)), key=distance.__getitem__)
         ]
 
-    def nearest_locus(self, pose_or_center: Pose | npt.ArrayLike) -> LocusDistance | None:
+    def nearest_locus(self, camera_center: npt.ArrayLike) -> LocusDistance | None:
         """Return the distance to the nearest part other than the observed lines, or None if there is none.
 
         Args:
-            pose_or_center: The camera centre in the frame of the lines, shape (3,) [m], or T_world_camera.
+            camera_center: In the frame of the lines, shape (3,) [m].
 
         Raises:
-            GeometryError: If the centre is not three finite numbers, or beyond 1e50 m.
+            GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
         """
         rows = [i for i, kind in enumerate(self.locus_kinds) if kind is not Kind.OBSERVED_LINE]
-        arrays = self.distance_arrays(pose_or_center)
+        arrays = self.distance_arrays(camera_center)
         if not rows:
             return None
         i = min(rows, key=arrays.distance.__getitem__)
@@ -190,9 +176,9 @@ class SingularSet:
         """The line that comes nearest to meeting all lines, with how far it misses each."""
         return nearest_transversal(SceneFrame.of(self.lines))
 
-    def unobservable_motions(self, pose_or_center: Pose | npt.ArrayLike) -> tuple[UnobservableMotion, ...]:
+    def unobservable_motions(self, camera_center: npt.ArrayLike) -> tuple[UnobservableMotion, ...]:
         """Return the motions that move no image line at a camera centre, see unobservable_motions."""
-        return unobservable_motions(self.lines, pose_or_center)
+        return unobservable_motions(self.lines, camera_center)
 
 
 def singular_set(lines: LineSet) -> SingularSet:
@@ -247,10 +233,6 @@ def singular_set(lines: LineSet) -> SingularSet:
     residual = singularity_residuals(reduced.point, reduced.direction, places_along(foot, direction))
     transversals = named_transversals(reduced, foot, direction, residual)
     return _assembled(lines, reduced, case, analysis, transversals, surfaces, isolated)
-
-
-def _vector_text(values: Iterable[float]) -> str:
-    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
 
 
 def _assembled(

@@ -41,6 +41,17 @@ def test_reversing_keeps_the_line_and_turns_both_vectors():
     np.testing.assert_allclose(lines.reversed().point, lines.point)
 
 
+@given(lines=line_sets(min_size=2), T_b_a=poses())
+def test_tolerances_and_pivots_go_with_their_lines(lines, T_b_a):
+    points, std = lines.point + 3.0 * lines.direction, 1e-3 * np.arange(1.0, len(lines) + 1.0)
+    known = LineSet.from_points_directions(points, lines.direction, position_std=std, direction_std=0.01)
+    moved = known.transformed(T_b_a, "b").select([1, 0]).reversed()
+    np.testing.assert_array_equal(moved.position_std, std[[1, 0]])
+    np.testing.assert_array_equal(moved.direction_std, [0.01, 0.01])
+    np.testing.assert_allclose(moved.pivot, points[[1, 0]] @ T_b_a.rotation.T + T_b_a.translation)
+    assert not moved.exact and lines.exact
+
+
 def test_values_are_copied_and_locked():
     source = np.array([[1.0, 0.0, 0.0]])
     lines = LineSet(source, np.zeros((1, 3)), "world")
@@ -70,6 +81,9 @@ def test_very_short_and_long_directions_are_fine(scale):
         ({"points": [["a", "b", "c"], [0, 0, 0]]}, "not an array of numbers"),
         ({"ids": [1]}, "1 ids for 2 lines"),
         ({"ids": [7, 7]}, "id 7 is given to more than one line"),
+        ({"position_std": [0.1, -0.1]}, r"line 2: position_std is -0\.1; it must be at least 0"),
+        ({"position_std": [0.1]}, r"position_std has shape \(1,\), expected \(2\)"),
+        ({"direction_std": float("nan")}, r"direction_std\[0\] is nan"),
     ],
 )
 def test_what_is_not_lines_is_refused_by_name(arguments, message):

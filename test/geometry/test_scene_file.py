@@ -20,7 +20,18 @@ def test_reads_the_lines_frame_and_ids(tmp_path):
 
 
 def test_reads_the_papers_scene():
-    assert len(read_scene(config_file("paper_p4l.yaml"))) == 4
+    lines = read_scene(config_file("paper_p4l.yaml"))
+    assert len(lines) == 4 and lines.exact
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"), [("", 1e-3), (", position_std: 0.02", 0.02), (", position_std: [3]", 3)]
+)
+def test_reads_how_well_the_lines_are_known(tmp_path, given, expected):
+    file = tmp_path / "scene.yaml"
+    file.write_text(ONE_LINE.replace("[9]", "[9]" + given))
+    lines = read_scene(file)
+    assert (lines.position_std.tolist(), lines.direction_std.tolist()) == ([expected], [1e-3])
 
 
 @pytest.mark.parametrize(
@@ -37,6 +48,8 @@ def test_reads_the_papers_scene():
         ),
         (ONE_LINE.replace("[0, 0, 0]", "[0, 0, .nan]"), r"points\[0, 2\] is nan"),
         (ONE_LINE.replace("[0, 0, 2.0]", "[0, 0, 0.0]"), "line 9: its direction is zero"),
+        (ONE_LINE.replace("[9]", "[9], position_std: -1"), r"line 9: position_std is -1\.0; it must be at least 0"),
+        (ONE_LINE.replace("[9]", "[9], direction_std: [0, 0]"), r"direction_std has shape \(2,\), expected \(1\)"),
         (ONE_LINE.replace("[0, 0, 2.0]", "[0, 0, x]"), "scene.yaml"),
         (ONE_LINE.replace("[9]", "9"), "lines.ids is 9; it must be a list of numbers"),
         (ONE_LINE.replace("[9]", "[9.5]"), r"ids are \[9.5\]; they must be integers"),

@@ -17,6 +17,7 @@ class Example(ParameterSet):
     on: bool = parameter(False, "on", "A switch")
     mode: str = parameter("a", "mode", "A word", choices=("a", "b"))
     row: tuple[float, ...] = parameter((1.0,), "row", "Numbers", maximum=9.0)
+    std: tuple[float, ...] = parameter((1.0,), "std", "One number or more", maximum=9.0, one_for_all=True)
 
     def check(self):
         if self.low > self.high:
@@ -26,6 +27,7 @@ class Example(ParameterSet):
 def test_values_go_by_their_ros_names():
     changed = Example.from_values({"range.low": 0, "count": 5, "on": True, "mode": "b", "row": [1, 2.5]})
     assert changed == Example(0.0, 2.0, 5, True, "b", (1.0, 2.5))
+    assert Example.from_values({"std": 2}).std == Example.from_values({"std": [2.0]}).std == (2.0,)
     assert isinstance(changed.low, float) and changed.values()["range.low"] == 0.0
 
 
@@ -47,6 +49,8 @@ def test_values_go_by_their_ros_names():
         ({"row": [1.0, float("nan")]}, r"parameter 'row\[1\]' is nan; it must be finite"),
         ({"row": "abc"}, "must be an array of float"),
         ({"row": 5.0}, "must be an array of float"),
+        ({"std": True}, r"parameter 'std\[0\]' is True; it must be a number"),
+        ({"std": 10.0}, r"parameter 'std\[0\]' is 10.0; allowed: at most 9"),
         ({"range.low": 3.0}, "range.low is above range.high"),
     ],
 )
