@@ -29,12 +29,12 @@ from plsing_ros.singularities import Kind, LocusDistance, SingularSet
 
 _SECOND = 1_000_000_000
 _LOCUS_KINDS = {
-    Kind.TRANSVERSAL: LocusDistanceMessage.TRANSVERSAL,
-    Kind.ISOLATED_POINT: LocusDistanceMessage.ISOLATED_POINT,
-    Kind.OBSERVED_LINE: LocusDistanceMessage.OBSERVED_LINE,
-    Kind.PLANE: LocusDistanceMessage.PLANE,
-    Kind.QUADRIC: LocusDistanceMessage.QUADRIC,
-    Kind.CUBIC: LocusDistanceMessage.CUBIC,
+    Kind.TRANSVERSAL: LocusDistanceMessage.KIND_TRANSVERSAL,
+    Kind.ISOLATED_POINT: LocusDistanceMessage.KIND_ISOLATED_POINT,
+    Kind.OBSERVED_LINE: LocusDistanceMessage.KIND_OBSERVED_LINE,
+    Kind.PLANE: LocusDistanceMessage.KIND_PLANE,
+    Kind.QUADRIC: LocusDistanceMessage.KIND_QUADRIC,
+    Kind.CUBIC: LocusDistanceMessage.KIND_CUBIC,
 }
 
 
@@ -198,7 +198,7 @@ def status_message(assessment: Assessment, singular: SingularSet, frame: str) ->
         level=int(assessment.level),
         reason=assessment.reason,
         line_count=assessment.line_count,
-        nearest=locus_distance_message(assessment.nearest),
+        nearest=locus_distance_message(assessment.nearest, singular.lines.frame),
         trend=int(assessment.trend),
         position_source=assessment.position_source,
         unobservable_motion_text=assessment.unobservable_motion_text,
@@ -232,8 +232,8 @@ def status_message(assessment: Assessment, singular: SingularSet, frame: str) ->
     return message
 
 
-def alert_message(assessment: Assessment, previous: Level, frame: str) -> SingularityAlert:
-    """Return the alert of a change of level."""
+def alert_message(assessment: Assessment, previous: Level, frame: str, scene_frame: str) -> SingularityAlert:
+    """Return the alert of a change of level of a camera, whose frame it is, in a scene."""
     numbers = assessment.conditioning
     return SingularityAlert(
         header=header(assessment.stamp, frame),
@@ -241,18 +241,19 @@ def alert_message(assessment: Assessment, previous: Level, frame: str) -> Singul
         previous_level=int(previous),
         text=f"{assessment.level.name}: {assessment.reason}",
         inverse_condition_number=0.0 if numbers is None else numbers.inverse_condition_number,
-        nearest=locus_distance_message(assessment.nearest),
+        nearest=locus_distance_message(assessment.nearest, scene_frame),
     )
 
 
-def locus_distance_message(nearest: LocusDistance | None) -> LocusDistanceMessage:
-    """Return the message of a distance, of kind NONE if there is none."""
+def locus_distance_message(nearest: LocusDistance | None, frame: str) -> LocusDistanceMessage:
+    """Return the message of a distance in the scene's frame, of kind NONE if there is none."""
     if nearest is None:
-        return LocusDistanceMessage(kind=LocusDistanceMessage.NONE)
+        return LocusDistanceMessage(kind=LocusDistanceMessage.KIND_NONE)
     return LocusDistanceMessage(
         kind=_LOCUS_KINDS[nearest.kind],
         name=nearest.name,
         distance=float(nearest.distance),
+        frame_id=frame,
         closest_point=point_message(nearest.closest_point),
     )
 

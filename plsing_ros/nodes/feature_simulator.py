@@ -114,7 +114,7 @@ class FeatureSimulatorNode(ParameterizedNode[SimulatorParameters]):
     def _publish_state(self, frame: Frame) -> None:
         state = SimulatorState(
             header=self._in_scene,
-            mode=SimulatorState.LOCKSTEP if self._lockstep else SimulatorState.REALTIME,
+            mode=SimulatorState.MODE_LOCKSTEP if self._lockstep else SimulatorState.MODE_REALTIME,
             step=frame.step,
             waiting=bool(frame.reason),
             reason=frame.reason,

@@ -24,10 +24,10 @@ def target_question(request: CheckTarget.Request, frame: str) -> tuple[Pose, Pos
     """Return the target, and the start or None for the present pose; T_world_camera both.
 
     Raises:
-        GeometryError: If one of them is no pose, or the target is in another frame.
+        GeometryError: If one of them is no pose, or in another frame.
     """
     target = pose_from_message(request.target, frame)
-    return target, None if request.from_present else pose_from_message(PoseStamped(pose=request.start), frame)
+    return target, None if request.from_present else pose_from_message(request.start, frame)
 
 
 def target_answer(check: TargetCheck, note: str, head: Header) -> CheckTarget.Response:
@@ -37,8 +37,8 @@ def target_answer(check: TargetCheck, note: str, head: Header) -> CheckTarget.Re
         decision=int(check.decision),
         reason=f"{note}{check.reason}",
         target_inverse_condition_number=check.target_inverse_condition_number,
-        target_nearest=locus_distance_message(check.target_nearest),
+        target_nearest=locus_distance_message(check.target_nearest, head.frame_id),
         straight_inverse_condition_number=check.straight_inverse_condition_number,
-        straight_nearest=locus_distance_message(check.straight_nearest),
+        straight_nearest=locus_distance_message(check.straight_nearest, head.frame_id),
         path=path_message(check.path, head),
     )

@@ -141,7 +141,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         if previous is not None and previous.level is assessment.level:
             return
         before = assessment.level if previous is None else previous.level
-        alert = alert_message(assessment, before, self.parameters.camera_frame)
+        alert = alert_message(assessment, before, self.parameters.camera_frame, self.parameters.scene_frame)
         self._alerts.publish(alert)
         self.report(alert.text, good=assessment.level is Level.OK)
 

@@ -134,7 +134,7 @@ class _TargetSource:
     def check(self, state: ControllerState) -> None:
         """Raise PlsingError unless the controller used the s* of this frame, by the error norm that it reports."""
         expected = self._error_norms.pop(stamp_of(state))
-        if state.mode != ControllerState.HALTED and abs(state.error_norm - expected) > 1e-9 * (1.0 + expected):
+        if state.mode != ControllerState.MODE_HALTED and abs(state.error_norm - expected) > 1e-9 * (1.0 + expected):
             raise PlsingError(
                 f"at {stamp_of(state) / _SECOND:g} s the controller reports the error norm {state.error_norm:.9g}; "
                 f"with the target of this frame it is {expected:.9g}: a message was overtaken"

@@ -111,4 +111,4 @@ def run_lockstep(
 
 def _is_of_run(status: SingularityStatus) -> bool:
     # Before the first frame the monitor truly says that it has no features.
-    return status.level != SingularityStatus.STALE
+    return status.level != SingularityStatus.LEVEL_STALE

@@ -73,4 +73,4 @@ def _since(messages: Collected, stamp: int) -> Iterator[Any]:
 
 def _is_answer(state: ControllerState) -> bool:
     # Before its first frame the controller says that it waits, with the stamp of that very frame.
-    return state.mode != ControllerState.WAITING
+    return state.mode != ControllerState.MODE_WAITING

@@ -20,7 +20,7 @@ def loop(ros, paper):
 def assert_halts(loop, message, *words):
     command, state = loop.answer(message)
     assert np.all(twist_values(command) == 0.0)
-    assert state.mode == ControllerState.HALTED
+    assert state.mode == ControllerState.MODE_HALTED
     for word in words:
         assert word in state.reason
 
@@ -31,14 +31,14 @@ def test_commands_the_law_of_the_paper(loop, number):
     expected = plain_twist(start_pose(number))
     np.testing.assert_allclose(twist_values(command), expected, rtol=1e-6, atol=1e-9)
     assert command.header.frame_id == "camera_optical_frame"
-    assert (state.mode, state.reason) == (ControllerState.SERVOING, "")
+    assert (state.mode, state.reason) == (ControllerState.MODE_SERVOING, "")
     assert state.linear_speed == pytest.approx(np.linalg.norm(expected[:3]))
     assert 1e-4 < state.inverse_condition_number < 1e-3
 
 
 def test_is_converged_at_the_target(loop):
     command, state = loop.answer(features(TARGET, loop.now()))
-    assert state.mode == ControllerState.CONVERGED and state.error_norm < 1e-9
+    assert state.mode == ControllerState.MODE_CONVERGED and state.error_norm < 1e-9
     np.testing.assert_allclose(twist_values(command), 0.0, atol=1e-6)
 
 
@@ -48,14 +48,14 @@ def test_matches_lines_by_id_in_any_order_and_number(loop):
         twist_values(loop.answer(reordered)[0]), plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9
     )
     three, state = loop.answer(features(start_pose(1), loop.now(), ids=(1, 2, 4)))
-    assert state.mode == ControllerState.SERVOING and np.any(twist_values(three) != 0.0)
+    assert state.mode == ControllerState.MODE_SERVOING and np.any(twist_values(three) != 0.0)
 
 
 def test_a_target_from_a_topic(ros, paper):
     loop = ControllerLoop(ros, paper, **{"target.source": "topic"})
     loop.features.publish(features(start_pose(1), loop.now()))
     loop.ros.spin_until(lambda: loop.states and "no desired features" in loop.states[-1].reason, "the missing target")
-    assert loop.states[-1].mode == ControllerState.WAITING
+    assert loop.states[-1].mode == ControllerState.MODE_WAITING
     desired = loop.ros.publisher(LineFeatureArray, "desired_line_features", qos.LATCHED)
     desired.publish(features(TARGET, 0))
     loop.ros.spin_for(0.2)
@@ -65,7 +65,7 @@ def test_a_target_from_a_topic(ros, paper):
 
 def test_commands_nothing_before_any_features(loop):
     loop.ros.spin_until(lambda: len(loop.states) >= 2, "the watchdog")
-    assert loop.states[-1].mode == ControllerState.WAITING
+    assert loop.states[-1].mode == ControllerState.MODE_WAITING
     assert loop.states[-1].reason == "no features received yet"
     assert loop.twists == []
 
@@ -81,11 +81,11 @@ def test_silence_after_unusable_features_names_them(ros, paper):
 def test_commands_zero_when_features_stop(ros, paper):
     loop = ControllerLoop(ros, paper, features_timeout=0.5)
     loop.answer(features(start_pose(1), loop.now()))
-    loop.ros.spin_until(lambda: loop.states[-1].mode == ControllerState.HALTED, "the watchdog")
+    loop.ros.spin_until(lambda: loop.states[-1].mode == ControllerState.MODE_HALTED, "the watchdog")
     assert "no features for" in loop.states[-1].reason and "allowed are 0.5 s" in loop.states[-1].reason
     assert np.all(twist_values(loop.twists[-1]) == 0.0)
     _, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.SERVOING  # a halt can be left
+    assert state.mode == ControllerState.MODE_SERVOING  # a halt can be left
 
 
 def set_frame(message):
@@ -117,7 +117,7 @@ def test_unusable_features_command_zero_and_say_why(loop, spoil, words):
     spoil(message)
     assert_halts(loop, message, *words)
     _, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.SERVOING
+    assert state.mode == ControllerState.MODE_SERVOING
 
 
 def test_stamps_that_are_not_to_be_trusted_command_zero(loop):
@@ -134,10 +134,10 @@ def test_stamps_that_are_not_to_be_trusted_command_zero(loop):
 def test_switched_off_it_commands_zero_until_switched_on(loop):
     assert loop.ros.call(SetBool, "controller/enable", SetBool.Request(data=False)).success
     command, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.DISABLED and np.all(twist_values(command) == 0.0)
+    assert state.mode == ControllerState.MODE_DISABLED and np.all(twist_values(command) == 0.0)
     assert loop.ros.call(SetBool, "controller/enable", SetBool.Request(data=True)).success
     command, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.SERVOING
+    assert state.mode == ControllerState.MODE_SERVOING
 
 
 def test_stopping_commands_zero(loop):

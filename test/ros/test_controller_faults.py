@@ -31,7 +31,7 @@ def target_at(pose):
 
 def assert_servoes(loop):
     command, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.SERVOING
+    assert state.mode == ControllerState.MODE_SERVOING
     np.testing.assert_allclose(twist_values(command), plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
 
 
@@ -68,7 +68,7 @@ def test_garbage_between_good_frames_is_zero_and_forgotten(ros, paper):
         message = features(start_pose(1), loop.now())
         spoil(message)
         command, state = loop.answer(message)
-        assert state.mode == ControllerState.HALTED and np.all(twist_values(command) == 0.0)
+        assert state.mode == ControllerState.MODE_HALTED and np.all(twist_values(command) == 0.0)
         assert_servoes(loop)
     assert_all_finite_and_zero_unless_moving(loop)
 
@@ -78,7 +78,7 @@ def test_lines_of_an_unknown_verdict_are_garbage(ros, paper):
     message = features(start_pose(1), loop.now())
     message.lines_verdict = 77
     _, state = loop.answer(message)
-    assert state.mode == ControllerState.HALTED and "'lines_verdict' of the feature message is 77" in state.reason
+    assert state.mode == ControllerState.MODE_HALTED and "'lines_verdict' of the feature message is 77" in state.reason
 
 
 def test_ambiguous_lines_are_not_followed(ros, paper):
@@ -86,7 +86,7 @@ def test_ambiguous_lines_are_not_followed(ros, paper):
     message = features(start_pose(1), loop.now())
     message.lines_verdict, message.lines_reason = LineFeatureArray.LINES_AMBIGUOUS, "two poses fit"
     command, state = loop.answer(message)
-    assert state.mode == ControllerState.HALTED and np.all(twist_values(command) == 0.0)
+    assert state.mode == ControllerState.MODE_HALTED and np.all(twist_values(command) == 0.0)
     assert state.reason == "3-D lines are AMBIGUOUS: two poses fit"
     assert_servoes(loop)
 
@@ -98,7 +98,7 @@ def test_a_single_stamp_that_jumps_is_zero(ros, paper, shift):
     stamp = loop.now()
     stamp.sec += shift
     command, state = loop.answer(features(start_pose(1), stamp))
-    assert state.mode == ControllerState.HALTED and np.all(twist_values(command) == 0.0)
+    assert state.mode == ControllerState.MODE_HALTED and np.all(twist_values(command) == 0.0)
     assert_servoes(loop)
 
 
@@ -114,7 +114,7 @@ def test_a_clock_that_jumps_back(ros, paper):
         # The watchdog's states may have the same stamp.
         ros.spin_until(
             lambda: any(
-                each.header.stamp == message.header.stamp and each.mode == ControllerState.SERVOING
+                each.header.stamp == message.header.stamp and each.mode == ControllerState.MODE_SERVOING
                 for each in loop.states
             ),
             f"an answer to the features at {seconds} s",
@@ -137,7 +137,7 @@ def test_switched_off_and_on_in_mid_run(ros, paper):
         assert_servoes(loop)
         assert ros.call(SetBool, "controller/enable", SetBool.Request(data=False)).success
         command, state = loop.answer(features(start_pose(1), loop.now()))
-        assert state.mode == ControllerState.DISABLED and np.all(twist_values(command) == 0.0)
+        assert state.mode == ControllerState.MODE_DISABLED and np.all(twist_values(command) == 0.0)
         assert ros.call(SetBool, "controller/enable", SetBool.Request(data=True)).success
     assert_servoes(loop)
 
@@ -155,7 +155,7 @@ def test_a_fault_of_its_own_is_zero_and_not_the_end(ros, paper, monkeypatch):
         loop.features.publish(features(start_pose(1), loop.now()))
         ros.spin_until(lambda: loop.twists, "the twist after the fault")
         assert np.all(twist_values(loop.twists[-1]) == 0.0)
-        ros.spin_until(lambda: loop.states[-1].mode == ControllerState.HALTED, "its state")
+        ros.spin_until(lambda: loop.states[-1].mode == ControllerState.MODE_HALTED, "its state")
         assert "a fault in the controller itself: RuntimeError('a bug')" in loop.states[-1].reason
     assert_servoes(loop)
 
@@ -194,20 +194,20 @@ def test_a_gated_controller_moves_only_with_a_fresh_status(ros, paper):
 
     assert "no singularity statuses received yet" in state_now().reason
     for level, mode in (
-        (SingularityStatus.OK, ControllerState.SERVOING),
-        (SingularityStatus.WARN, ControllerState.SERVOING),
-        (SingularityStatus.CRITICAL, ControllerState.HALTED),
-        (SingularityStatus.STALE, ControllerState.HALTED),
-        (SingularityStatus.OK, ControllerState.SERVOING),
+        (SingularityStatus.LEVEL_OK, ControllerState.MODE_SERVOING),
+        (SingularityStatus.LEVEL_WARN, ControllerState.MODE_SERVOING),
+        (SingularityStatus.LEVEL_CRITICAL, ControllerState.MODE_HALTED),
+        (SingularityStatus.LEVEL_STALE, ControllerState.MODE_HALTED),
+        (SingularityStatus.LEVEL_OK, ControllerState.MODE_SERVOING),
     ):
         say(level)
         assert state_now().mode == mode
     # The monitor dies: nothing more is heard of it.
     ros.spin_for(0.4)
     command, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.HALTED and np.all(twist_values(command) == 0.0)
+    assert state.mode == ControllerState.MODE_HALTED and np.all(twist_values(command) == 0.0)
     assert "no singularity statuses for" in state.reason
-    say(SingularityStatus.OK)
+    say(SingularityStatus.LEVEL_OK)
     assert_servoes(loop)
 
 
@@ -216,7 +216,7 @@ def test_a_target_that_changes_in_mid_run(ros, paper):
     assert_servoes(loop)
     loop.set_parameters(**target_at(start_pose(1)))
     _, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.CONVERGED
+    assert state.mode == ControllerState.MODE_CONVERGED
     loop.set_parameters(**target_at(TARGET))
     assert_servoes(loop)
 
@@ -230,11 +230,11 @@ def test_a_target_that_changes_on_its_topic_in_mid_run(ros, paper):
         ros.spin_for(0.1)
         return loop.answer(features(start_pose(1), loop.now()))[1]
 
-    assert state_with(features(TARGET, 0)).mode == ControllerState.SERVOING
-    assert state_with(features(start_pose(1), 0)).mode == ControllerState.CONVERGED
+    assert state_with(features(TARGET, 0)).mode == ControllerState.MODE_SERVOING
+    assert state_with(features(start_pose(1), 0)).mode == ControllerState.MODE_CONVERGED
     # One that cannot be used leaves the target as it was.
-    assert state_with(features(TARGET, 0, ids=(1, 2))).mode == ControllerState.CONVERGED
-    assert state_with(features(TARGET, 0)).mode == ControllerState.SERVOING
+    assert state_with(features(TARGET, 0, ids=(1, 2))).mode == ControllerState.MODE_CONVERGED
+    assert state_with(features(TARGET, 0)).mode == ControllerState.MODE_SERVOING
 
 
 def test_a_target_out_of_reach_is_said_to_be(ros, paper):
@@ -249,7 +249,7 @@ def test_a_target_out_of_reach_is_said_to_be(ros, paper):
     for _ in range(3):
         _, state = loop.answer(features(start_pose(1), loop.now()))
         ros.spin_for(0.1)
-    assert state.mode == ControllerState.STALLED
+    assert state.mode == ControllerState.MODE_STALLED
     assert "a target that no camera pose reaches" in state.reason
     assert "m from transversal 1" in state.reason
 
@@ -257,11 +257,11 @@ def test_a_target_out_of_reach_is_said_to_be(ros, paper):
 def test_a_target_on_a_singularity_is_refused_or_accepted_on_request(ros, paper):
     loop = ControllerLoop(ros, paper, **target_at(ON_TRANSVERSAL))
     command, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.REFUSED and np.all(twist_values(command) == 0.0)
+    assert state.mode == ControllerState.MODE_REFUSED and np.all(twist_values(command) == 0.0)
     assert "the target is at a singularity" in state.reason and "m from transversal 1" in state.reason
     loop.set_parameters(**{"target.min_inverse_condition_number": 0.0})
     command, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.SERVOING and np.any(twist_values(command) != 0.0)
+    assert state.mode == ControllerState.MODE_SERVOING and np.any(twist_values(command) != 0.0)
 
 
 def test_the_state_says_what_the_law_did(ros, paper):
@@ -302,14 +302,14 @@ def test_a_detour_is_published_and_followed(ros, paper):
     for _ in range(3):
         ros.spin_for(0.05)
         command, state = loop.answer(features(start_pose(2), loop.now()))
-    assert state.mode == ControllerState.SERVOING and state.path_progress > 0.0
+    assert state.mode == ControllerState.MODE_SERVOING and state.path_progress > 0.0
     assert 0.0 < state.linear_speed <= 0.15
     assert len(paths) == 1
 
 
 def question(target, start=None):
     request = CheckTarget.Request(from_present=start is None)
-    for message, pose in ((request.target.pose, target), (request.start, start)):
+    for message, pose in ((request.target.pose, target), (request.start.pose, start)):
         if pose is not None:
             p, q = message.position, message.orientation
             p.x, p.y, p.z = map(float, pose.translation)
@@ -326,14 +326,14 @@ def test_a_target_can_be_asked_about_before_going_there(ros, paper):
     assert not ask(TARGET).success  # nothing seen yet
     assert "where the camera is now is not known" in ask(TARGET).message
     clear, blocked, singular = ask(TARGET, start_pose(1)), ask(TARGET, start_pose(2)), ask(ON_TRANSVERSAL, TARGET)
-    assert (clear.success, clear.decision) == (True, CheckTarget.Response.STRAIGHT)
-    assert blocked.decision == CheckTarget.Response.DETOUR and "transversal 1" in blocked.reason
+    assert (clear.success, clear.decision) == (True, CheckTarget.Response.DECISION_STRAIGHT)
+    assert blocked.decision == CheckTarget.Response.DECISION_DETOUR and "transversal 1" in blocked.reason
     assert blocked.straight_nearest.name == "transversal 1"
     assert blocked.target_inverse_condition_number == pytest.approx(4.09e-4, rel=1e-2)
     assert len(blocked.path.poses) > 2 and blocked.path.header.frame_id == "world"
-    assert singular.decision == CheckTarget.Response.REFUSE and not singular.path.poses
+    assert singular.decision == CheckTarget.Response.DECISION_REFUSE and not singular.path.poses
     loop.answer(features(start_pose(2), loop.now()))
-    assert ask(TARGET).decision == CheckTarget.Response.DETOUR
+    assert ask(TARGET).decision == CheckTarget.Response.DECISION_DETOUR
     no_pose = CheckTarget.Request(from_present=True)
     no_pose.target.pose.orientation.w = 0.0
     answer = ros.call(CheckTarget, "controller/check_target", no_pose)

@@ -94,7 +94,7 @@ def test_a_signal_ends_the_controller_with_a_zero_twist_and_exit_code_0(ros, sta
     states = ros.collect(ControllerState, "controller/state", qos.STATUS)
     start("feature_simulator", *PAPER)
     controller = start("controller", *PAPER)
-    ros.spin_until(lambda: states and states[-1].mode == ControllerState.SERVOING, "servoing", 30.0)
+    ros.spin_until(lambda: states and states[-1].mode == ControllerState.MODE_SERVOING, "servoing", 30.0)
     controller.send_signal(number)
     ros.spin_until(lambda: controller.poll() is not None, "the end of the process")
     ros.spin_for(0.2)

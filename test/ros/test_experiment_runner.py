@@ -85,7 +85,7 @@ def test_an_overtaken_target_is_noticed():
         ros.collect(LineFeatureArray, "line_features")
         ros.collect(LineFeatureArray, "desired_line_features", qos.LATCHED)
         source = task_loop._TargetSource(ros, task)
-        state = ControllerState(mode=ControllerState.SERVOING, error_norm=0.5)
+        state = ControllerState(mode=ControllerState.MODE_SERVOING, error_norm=0.5)
         state.header.stamp.sec = 1
         source._error_norms[1_000_000_000] = 0.5
         source.check(state)

@@ -42,7 +42,7 @@ def numbers_of(status):
 
 
 def assert_recovers(loop):
-    assert loop.status_at(CALM).level == SingularityStatus.OK
+    assert loop.status_at(CALM).level == SingularityStatus.LEVEL_OK
     for status in loop.statuses:
         assert np.isfinite(numbers_of(status)).all()
         assert status.reason
@@ -64,7 +64,7 @@ def assert_recovers(loop):
 )
 def test_features_that_cannot_be_used(loop, spoil, words):
     status = loop.status_at(CALM, spoil)
-    assert status.level == SingularityStatus.UNOBSERVABLE
+    assert status.level == SingularityStatus.LEVEL_UNOBSERVABLE
     assert words in status.reason
     assert not status.unobservable_motion_valid
     assert not status.distances_valid
@@ -79,7 +79,7 @@ def test_lines_in_another_order_are_the_same_lines(loop):
     loop.features.publish(features(CALM, stamp, ids=(3, 1, 4, 2)))
     loop.ros.spin_until(lambda: loop.statuses[-1].header.stamp == stamp, "the status")
     status = loop.statuses[-1]
-    assert status.level == SingularityStatus.OK
+    assert status.level == SingularityStatus.LEVEL_OK
     np.testing.assert_allclose(status.singular_values, expected.singular_values, rtol=1e-9)
 
 
@@ -102,7 +102,7 @@ def test_stamps_far_from_the_clock_are_stale(ros, paper, shift):
     stamp.sec += shift
     loop.features.publish(features(CALM, stamp))
     loop.ros.spin_until(lambda: loop.statuses and "were refused" in loop.statuses[-1].reason, "a status that says so")
-    assert loop.statuses[-1].level == SingularityStatus.STALE
+    assert loop.statuses[-1].level == SingularityStatus.LEVEL_STALE
     assert "s old" in loop.statuses[-1].reason or "ahead of the clock" in loop.statuses[-1].reason
     assert_recovers(loop)
 
@@ -110,7 +110,7 @@ def test_stamps_far_from_the_clock_are_stale(ros, paper, shift):
 def test_a_zero_stamp_is_stale(loop):
     loop.features.publish(features(CALM, 0))
     loop.ros.spin_until(lambda: loop.statuses and "no stamp" in loop.statuses[-1].reason, "a status that says so")
-    assert loop.statuses[-1].level == SingularityStatus.STALE
+    assert loop.statuses[-1].level == SingularityStatus.LEVEL_STALE
     assert_recovers(loop)
 
 
@@ -147,7 +147,7 @@ def test_a_clock_that_jumps_back(ros, paper):
             lambda: any(each.header.stamp == message.header.stamp and each.line_count == 4 for each in loop.statuses),
             f"a status of the features at {seconds} s",
         )
-        assert loop.statuses[-1].level == SingularityStatus.OK
+        assert loop.statuses[-1].level == SingularityStatus.LEVEL_OK
 
 
 def test_a_flood_of_features_is_answered_up_to_date(loop):
@@ -159,16 +159,16 @@ def test_a_flood_of_features_is_answered_up_to_date(loop):
     loop.ros.spin_until(
         lambda: loop.alerts and loop.statuses and loop.statuses[-1].header.stamp == last, "the status of the last one"
     )
-    assert loop.statuses[-1].level == SingularityStatus.OK
+    assert loop.statuses[-1].level == SingularityStatus.LEVEL_OK
     levels = [each.level for each in loop.alerts]
-    assert levels.count(SingularityStatus.OK) == 1
+    assert levels.count(SingularityStatus.LEVEL_OK) == 1
 
 
 def test_a_subscriber_that_never_reads_holds_up_nobody(loop):
     deaf = Node("deaf", context=loop.ros.context, use_global_arguments=False)  # in no executor
     deaf.create_subscription(SingularityStatus, "singularity_status", lambda message: None, qos.STATUS)
     for _ in range(50):
-        assert loop.status_at(CALM, with_pose=False).level == SingularityStatus.OK
+        assert loop.status_at(CALM, with_pose=False).level == SingularityStatus.LEVEL_OK
     deaf.destroy_node()
 
 
@@ -182,8 +182,8 @@ def test_a_monitor_that_dies_and_comes_back(ros, paper):
     loci = ros.collect(SingularLoci, "singular_loci", qos.LATCHED)
     markers = ros.collect(MarkerArray, "singularity_markers", qos.LATCHED)
     ros.spin_until(lambda: loci and markers and loop.alerts, "the latched topics again")
-    loop.until_level(beside_transversal(0.005), SingularityStatus.CRITICAL)
-    ros.spin_until(lambda: loop.alerts[-1].level == SingularityStatus.CRITICAL, "the alert of it")
+    loop.until_level(beside_transversal(0.005), SingularityStatus.LEVEL_CRITICAL)
+    ros.spin_until(lambda: loop.alerts[-1].level == SingularityStatus.LEVEL_CRITICAL, "the alert of it")
 
 
 def test_two_monitors_in_two_namespaces(ros, paper):
@@ -197,17 +197,17 @@ def test_two_monitors_in_two_namespaces(ros, paper):
         lambda: statuses["a"] and statuses["a"][-1].header.stamp == message.header.stamp, "the status of monitor a"
     )
     ros.spin_until(lambda: statuses["b"], "a heartbeat of monitor b")
-    assert {each.level for each in statuses["b"]} == {SingularityStatus.STALE}
+    assert {each.level for each in statuses["b"]} == {SingularityStatus.LEVEL_STALE}
 
 
 def test_switched_off_it_says_disabled_and_never_falls_silent(ros, paper):
     loop = MonitorLoop(ros, paper, heartbeat_period=0.05)
     loop.status_at(CALM)
     assert ros.call(SetBool, "singularity_monitor/enable", SetBool.Request(data=False)).success
-    ros.spin_until(lambda: loop.statuses[-1].level == SingularityStatus.DISABLED, "DISABLED")
+    ros.spin_until(lambda: loop.statuses[-1].level == SingularityStatus.LEVEL_DISABLED, "DISABLED")
     count = len(loop.statuses)
     ros.spin_until(lambda: len(loop.statuses) > count + 3, "heartbeats while disabled")
-    ros.spin_until(lambda: loop.alerts[-1].level == SingularityStatus.DISABLED, "the alert of it")
+    ros.spin_until(lambda: loop.alerts[-1].level == SingularityStatus.LEVEL_DISABLED, "the alert of it")
     assert ros.call(SetBool, "singularity_monitor/enable", SetBool.Request(data=True)).success
     assert_recovers(loop)
 
@@ -224,13 +224,13 @@ def test_a_pose_can_be_asked_about_before_going_there(loop):
     loop.status_at(CALM)
     answer = check(loop.ros, beside_transversal(0.005))
     assert answer.success
-    assert answer.status.level == SingularityStatus.CRITICAL
+    assert answer.status.level == SingularityStatus.LEVEL_CRITICAL
     assert answer.status.nearest.name == "transversal 1"
     values = np.linalg.svd(interaction_matrix(seen(beside_transversal(0.005))))[1]
     assert answer.status.inverse_condition_number == pytest.approx(values[-1] / values[0], rel=1e-6)
     # Nothing has happened to the monitor itself.
-    assert loop.status_at(CALM).level == SingularityStatus.OK
-    assert SingularityStatus.CRITICAL not in [each.level for each in loop.alerts]
+    assert loop.status_at(CALM).level == SingularityStatus.LEVEL_OK
+    assert SingularityStatus.LEVEL_CRITICAL not in [each.level for each in loop.alerts]
 
 
 def test_a_pose_that_is_none_is_refused_by_check_pose(loop):
@@ -248,7 +248,7 @@ def test_the_present_motion_is_judged(loop):
     twists = loop.ros.publisher(TwistStamped, "cmd_twist")
     pose = beside_transversal(0.6)
     away = pose.rotation.T @ (pose.translation - beside_transversal(0.0).translation)
-    for sign, trend in ((-1.0, SingularityStatus.APPROACHING), (1.0, SingularityStatus.LEAVING)):
+    for sign, trend in ((-1.0, SingularityStatus.TREND_APPROACHING), (1.0, SingularityStatus.TREND_LEAVING)):
         for _ in range(3):
             twists.publish(twist([*(sign * 0.1 * away / np.linalg.norm(away)), 0, 0, 0], loop.now()))
             loop.ros.spin_for(0.05)

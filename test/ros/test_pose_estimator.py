@@ -46,7 +46,7 @@ def loop(ros, paper):
 
 def test_image_lines_give_a_pose_and_features_with_lines_in_space(loop):
     state = loop.state_of(CALM)
-    assert (state.verdict, state.reason, state.covariance_trusted) == (PoseEstimate.OK, "", True)
+    assert (state.verdict, state.reason, state.covariance_trusted) == (PoseEstimate.VERDICT_OK, "", True)
     loop.ros.spin_until(lambda: loop.poses and loop.completed, "the pose and the completed features")
     message = loop.poses[-1]
     p = message.pose.pose.position
@@ -67,7 +67,7 @@ def test_image_lines_give_a_pose_and_features_with_lines_in_space(loop):
 def test_a_pose_that_is_uncertain_is_given_with_that_verdict(ros, paper):
     loop = EstimatorLoop(ros, paper, **{"poor.position_deviation": 1e-8})
     state = loop.state_of(CALM)
-    assert state.verdict == PoseEstimate.POOR
+    assert state.verdict == PoseEstimate.VERDICT_POOR
     assert "position is uncertain" in state.reason
     ros.spin_until(lambda: loop.completed and loop.poses, "the pose and the completed features")
     assert loop.completed[-1].lines_verdict == LineFeatureArray.LINES_POOR
@@ -86,20 +86,20 @@ def test_a_pose_that_is_uncertain_is_given_with_that_verdict(ros, paper):
 )
 def test_features_that_give_no_pose_are_answered_with_the_reason_only(loop, spoil, words):
     state = loop.state_of(CALM, spoil)
-    assert state.verdict == PoseEstimate.FAILED
+    assert state.verdict == PoseEstimate.VERDICT_FAILED
     assert words in state.reason
     loop.ros.spin_for(0.1)
     assert not loop.poses
     assert not loop.completed
-    assert loop.state_of(CALM).verdict == PoseEstimate.OK
+    assert loop.state_of(CALM).verdict == PoseEstimate.VERDICT_OK
 
 
 def test_silence_is_told_and_the_node_recovers(ros, paper):
     loop = EstimatorLoop(ros, paper, features_timeout=0.5)
-    assert loop.state_of(CALM).verdict == PoseEstimate.OK
-    ros.spin_until(lambda: loop.states[-1].verdict == PoseEstimate.FAILED, "the silence to be told")
+    assert loop.state_of(CALM).verdict == PoseEstimate.VERDICT_OK
+    ros.spin_until(lambda: loop.states[-1].verdict == PoseEstimate.VERDICT_FAILED, "the silence to be told")
     assert "no features for" in loop.states[-1].reason
-    assert loop.state_of(CALM).verdict == PoseEstimate.OK
+    assert loop.state_of(CALM).verdict == PoseEstimate.VERDICT_OK
 
 
 def test_diagnostics_tell_the_verdict(loop):
@@ -134,8 +134,8 @@ def test_the_chain_runs_on_image_lines_alone(ros, paper):
     ros.add(FeatureSimulatorNode, paper, {**lockstep, **start, "image_only": True}, {"camera_pose": "true_camera_pose"})
     ros.spin_until(lambda: len(twists) >= 40, "forty twists", timeout=30.0)
     assert all(len(each.directions) == len(each.moments) == 0 for each in seen)
-    assert {each.verdict for each in estimates if each.header.stamp.sec > 0} == {PoseEstimate.OK}
-    answered = [each for each in states if each.mode == ControllerState.SERVOING]
+    assert {each.verdict for each in estimates if each.header.stamp.sec > 0} == {PoseEstimate.VERDICT_OK}
+    answered = [each for each in states if each.mode == ControllerState.MODE_SERVOING]
     assert answered[-1].error_norm < 0.6 * answered[0].error_norm
     assert twists[-1].header.frame_id == CAMERA_FRAME
     assert statuses[-1].distances_valid

@@ -26,7 +26,7 @@ def loop(ros, paper):
 
 def test_numbers_of_a_status_against_numpy(loop):
     status = loop.status_at(start_pose(1))
-    assert status.level == SingularityStatus.OK and status.line_count == 4
+    assert status.level == SingularityStatus.LEVEL_OK and status.line_count == 4
     values = np.array(status.singular_values)
     assert status.inverse_condition_number == pytest.approx(values[-1] / values[0])
     assert status.inverse_condition_number == pytest.approx(6.553e-4, rel=1e-3)  # an independent implementation's
@@ -64,7 +64,7 @@ def test_distances_are_those_to_where_the_rank_drops(loop):
     ):
         expected = np.linalg.norm(np.cross(center - point, direction))
         assert status.locus_distances[k] == pytest.approx(expected, rel=1e-9)
-    assert status.nearest.kind == LocusDistance.TRANSVERSAL
+    assert status.nearest.kind == LocusDistance.KIND_TRANSVERSAL and status.nearest.frame_id == "world"
     assert status.nearest.distance == pytest.approx(min(status.locus_distances[: len(names)]))
 
 
@@ -84,12 +84,17 @@ def test_alerts_come_at_changes_of_level_only(ros, paper):
     for distance in (0.6, 0.5, 0.09, 0.08, 0.07, 0.01, 0.009, 0.09, 0.6, 0.5):
         loop.status_at(beside_transversal(distance))
     ros.spin_for(0.1)
-    levels = [each.level for each in loop.alerts if each.level != SingularityStatus.STALE]
-    expected = [SingularityStatus.OK, SingularityStatus.WARN, SingularityStatus.CRITICAL, SingularityStatus.WARN]
-    assert levels == [*expected, SingularityStatus.OK]
+    levels = [each.level for each in loop.alerts if each.level != SingularityStatus.LEVEL_STALE]
+    expected = [
+        SingularityStatus.LEVEL_OK,
+        SingularityStatus.LEVEL_WARN,
+        SingularityStatus.LEVEL_CRITICAL,
+        SingularityStatus.LEVEL_WARN,
+    ]
+    assert levels == [*expected, SingularityStatus.LEVEL_OK]
     for before, after in zip(loop.alerts, loop.alerts[1:], strict=False):
         assert after.previous_level == before.level
-    critical = next(each for each in loop.alerts if each.level == SingularityStatus.CRITICAL)
+    critical = next(each for each in loop.alerts if each.level == SingularityStatus.LEVEL_CRITICAL)
     assert critical.text.startswith("CRITICAL: ")
     assert "transversal 1" in critical.text
     assert critical.nearest.distance == pytest.approx(0.02, abs=0.02)
@@ -98,21 +103,21 @@ def test_alerts_come_at_changes_of_level_only(ros, paper):
 def test_levels_change_only_after_some_cycles_of_the_same_opinion(ros, paper):
     loop = MonitorLoop(ros, paper, **ONLY_TRANSVERSALS, **{"debounce.raise": 3, "debounce.lower": 5})
     levels = [loop.status_at(beside_transversal(distance)).level for distance in (0.5, 0.05, 0.5, 0.05, 0.05, 0.05)]
-    assert levels == [SingularityStatus.OK] * 5 + [SingularityStatus.WARN]
+    assert levels == [SingularityStatus.LEVEL_OK] * 5 + [SingularityStatus.LEVEL_WARN]
     levels = [loop.status_at(beside_transversal(0.5)).level for _ in range(6)]
-    assert levels[3:] == [SingularityStatus.WARN, SingularityStatus.OK, SingularityStatus.OK]
+    assert levels[3:] == [SingularityStatus.LEVEL_WARN, SingularityStatus.LEVEL_OK, SingularityStatus.LEVEL_OK]
 
 
 def test_a_late_subscriber_receives_the_present_level(loop):
     loop.status_at(beside_transversal(0.01))
     late = loop.ros.collect(SingularityAlert, "singularity_alerts", qos.LATCHED)
     loop.ros.spin_until(lambda: late, "the latched alert")
-    assert [each.level for each in late] == [SingularityStatus.CRITICAL]
+    assert [each.level for each in late] == [SingularityStatus.LEVEL_CRITICAL]
 
 
 def test_without_any_features_it_says_so(loop):
     loop.ros.spin_until(lambda: len(loop.statuses) >= 2, "heartbeats")
-    assert loop.statuses[-1].level == SingularityStatus.STALE
+    assert loop.statuses[-1].level == SingularityStatus.LEVEL_STALE
     assert loop.statuses[-1].reason == "no features received yet"
     assert not loop.statuses[-1].unobservable_motion_valid and len(loop.statuses[-1].singular_values) == 0
 
@@ -121,12 +126,13 @@ def test_features_that_stop_are_stale_and_the_old_numbers_are_gone(ros, paper):
     loop = MonitorLoop(ros, paper, features_timeout=0.5, heartbeat_period=0.05)
     loop.status_at(start_pose(1))
     loop.ros.spin_until(
-        lambda: loop.statuses[-1].level == loop.alerts[-1].level == SingularityStatus.STALE, "the heartbeat to notice"
+        lambda: loop.statuses[-1].level == loop.alerts[-1].level == SingularityStatus.LEVEL_STALE,
+        "the heartbeat to notice",
     )
     stale = loop.statuses[-1]
     assert "no features for" in stale.reason
     assert stale.inverse_condition_number == 0.0 and not stale.distances_valid
-    assert loop.status_at(start_pose(1)).level == SingularityStatus.OK
+    assert loop.status_at(start_pose(1)).level == SingularityStatus.LEVEL_OK
 
 
 def test_without_a_pose_it_takes_the_features_and_says_so(loop):
@@ -171,9 +177,9 @@ def spoil_visibility(message):
 )
 def test_unusable_features_are_unobservable_with_the_reason(loop, spoil, reason):
     status = loop.status_at(start_pose(1), spoil)
-    assert status.level == SingularityStatus.UNOBSERVABLE
+    assert status.level == SingularityStatus.LEVEL_UNOBSERVABLE
     assert reason in status.reason
-    assert loop.status_at(start_pose(1)).level == SingularityStatus.OK
+    assert loop.status_at(start_pose(1)).level == SingularityStatus.LEVEL_OK
 
 
 def test_a_scene_singular_everywhere_is_unobservable(ros):
@@ -201,7 +207,7 @@ def test_a_scene_singular_everywhere_is_unobservable(ros):
     )
     publisher.publish(message)
     ros.spin_until(lambda: statuses and statuses[-1].header.stamp == message.header.stamp, "the status")
-    assert statuses[-1].level == SingularityStatus.UNOBSERVABLE
+    assert statuses[-1].level == SingularityStatus.LEVEL_UNOBSERVABLE
     assert "singular for every camera" in statuses[-1].reason
     assert statuses[-1].inverse_condition_number < 1e-12
 
