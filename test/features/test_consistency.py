@@ -1,0 +1,166 @@
+"""Contradictory features are named, consistent ones pass: of the paper's four lines and of any others."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from strategies import numbers, vectors
+
+from plsing_ros.features import LineObservation
+from plsing_ros.features.consistency import ConsistencyCheck, Tolerances
+from plsing_ros.geometry import LineSet, Pose
+
+PAPER = LineSet.from_points_directions(
+    [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0], [3.0, 5.0, 0.0], [0.0, 1.0, 7.0]],
+    [[1.0, 0.0, 0.0], [4.0, -5.0, 0.0], [3.0, 7.0, 3.0], [-2.0, 1.0, 13.0]],
+)
+ORIENTATION = [0.9646013342952592, 0.043968296314734305, -0.011839951836364137, -0.2597515550203657]
+CAMERA = Pose.from_quaternion([0.9962, -4.437, 7.8], ORIENTATION)
+
+
+def seen_from(pose=CAMERA, scene=PAPER):
+    return LineObservation.of_lines(scene.transformed(pose.inverse(), "camera"))
+
+
+def changed(seen, image=1.0, direction=1.0, moment=1.0, ids=None):
+    lines = seen.lines_camera
+    ids = seen.ids if ids is None else ids
+    in_space = LineSet(lines.direction * direction, lines.moment * moment, "camera", ids)
+    return LineObservation(ids, seen.image_lines * image, seen.usable, in_space)
+
+
+def signs(*negative, n=4):
+    return np.array([[-1.0 if row + 1 in negative else 1.0] for row in range(n)])
+
+
+def contradiction(seen, told=None, scene=PAPER):
+    return ConsistencyCheck(scene).contradiction(seen, told)
+
+
+def test_consistent_features_pass_with_and_without_a_scene():
+    seen = seen_from()
+    assert contradiction(seen, CAMERA) is None
+    assert ConsistencyCheck(None).contradiction(seen) is None
+    assert ConsistencyCheck(PAPER).unchecked(seen) == ""
+
+
+@pytest.mark.parametrize("focal_length", [50.0, 500.0, -500.0])
+def test_offsets_in_pixels(focal_length):
+    reason = contradiction(changed(seen_from(), image=np.array([1.0, 1.0, focal_length])))
+    assert reason is not None and f"{focal_length:.3g} times" in reason and "not in pixels" in reason
+
+
+@pytest.mark.parametrize("negative", [(1,), (3,), (2, 4), (1, 2, 3, 4)])
+def test_negated_image_lines_are_named(negative):
+    reason = contradiction(changed(seen_from(), image=signs(*negative)))
+    named = ", ".join(map(str, negative))
+    assert (
+        reason is not None and f"line{'s' if len(negative) > 1 else ''} {named} " in reason and "turned round" in reason
+    )
+
+
+@pytest.mark.parametrize("negative", [(1,), (2,), (3,), (4,), (1, 3), (2, 3)])
+def test_reversed_lines_are_named(negative):
+    sign = signs(*negative)
+    reason = contradiction(changed(seen_from(), sign, sign, sign))
+    named = ", ".join(map(str, negative))
+    assert reason is not None and f"line{'s' if len(negative) > 1 else ''} {named} " in reason and "reversed" in reason
+
+
+def test_offsets_made_positive_as_hough_transforms_give_them():
+    seen = seen_from()
+    sign = np.where(seen.image_lines[:, 2:] < 0.0, -1.0, 1.0)
+    assert 0 < np.count_nonzero(sign < 0.0) < 4
+    assert "turned round" in contradiction(changed(seen, image=sign))
+    assert "reversed" in contradiction(changed(seen, sign, sign, sign))
+
+
+def test_ids_that_are_exchanged_are_named():
+    assert "lines 1 and 2 have each other's ids" in contradiction(changed(seen_from(), ids=(2, 1, 3, 4)))
+    seen = seen_from()
+    rows_exchanged = LineObservation(seen.ids, seen.image_lines[[1, 0, 2, 3]], seen.usable, seen.lines_camera)
+    assert "image lines 1 and 2 are exchanged" in contradiction(rows_exchanged)
+
+
+@pytest.mark.parametrize("factor", [0.2, 1.5, 5.0, 1000.0])
+def test_a_wrong_scale_is_named_with_its_factor(factor):
+    assert f"{factor:.3g} times too large" in contradiction(changed(seen_from(), moment=factor))
+
+
+def test_a_scale_that_can_be_corrected_passes():
+    assert contradiction(changed(seen_from(), moment=1.15)) is None
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        *(Pose(CAMERA.rotation, CAMERA.translation + [0.0, off, 0.0]) for off in (0.05, 0.2, 1.0, 5.0)),
+        CAMERA.inverse(),
+        Pose(CAMERA.rotation @ Rotation.from_euler("z", 90.0, degrees=True).as_matrix(), CAMERA.translation),
+    ],
+)
+def test_a_pose_that_contradicts_exact_lines(told):
+    assert "camera_pose is" in contradiction(seen_from(), told)
+
+
+def test_unknown_ids_are_left_out_and_named():
+    scene = LineSet(PAPER.direction[:3], PAPER.moment[:3], PAPER.frame, (1, 2, 3))
+    check, seen = ConsistencyCheck(scene), changed(seen_from(), ids=(1, 2, 3, 99))
+    assert check.contradiction(seen) is None
+    assert check.unknown_ids(seen) == (99,)
+    assert check.unknown_ids(seen_from(scene=scene)) == ()
+
+
+def test_what_cannot_be_checked_is_said():
+    seen = seen_from()
+    image_only = LineObservation(seen.ids, seen.image_lines, seen.usable, None)
+    assert contradiction(image_only) is None
+    assert "cannot be checked" in ConsistencyCheck(PAPER).unchecked(image_only)
+    assert "lines.*" in ConsistencyCheck(None).unchecked(seen)
+
+
+def test_a_line_that_was_moved_is_named():
+    scene = LineSet.from_points_directions([*PAPER.point, [2.0, 0.0, 3.0]], [*PAPER.direction, [0.0, 1.0, 1.0]])
+    shift = np.outer([0.0, 0.0, 0.0, 0.0, 1.0], [0.0, 0.5, 0.0])
+    moved = LineSet.from_points_directions(scene.point + shift, scene.direction)
+    reason = contradiction(seen_from(scene=moved), scene=scene)
+    assert reason is not None and "line 5 is not where the scene has it" in reason
+
+
+def test_one_of_parallel_lines_that_points_the_other_way():
+    corridor = LineSet.from_points_directions([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]], [[0, 0, 1]] * 4)
+    seen = seen_from(Pose.looking_at([1.0, 0.8, -1.0], [1.1, 1.0, 5.0], down=(0.0, -1.0, 0.0)), corridor)
+    assert contradiction(seen, scene=corridor) is None
+    sign = signs(3)
+    assert "line 3 is reversed" in contradiction(changed(seen, sign, sign, sign), scene=corridor)
+
+
+@given(shift=vectors(3, -0.012, 0.012), turn=vectors(3, -0.01, 0.01), noise=vectors(12, -0.03, 0.03))
+def test_errors_within_the_tolerances_pass(shift, turn, noise):
+    off = Pose(CAMERA.rotation @ Rotation.from_rotvec(turn).as_matrix(), CAMERA.translation + shift)
+    at_pose, image = seen_from(off), seen_from().image_lines + noise.reshape(4, 3)
+    image /= np.hypot(image[:, 0], image[:, 1])[:, np.newaxis]
+    assert contradiction(LineObservation(at_pose.ids, image, at_pose.usable, at_pose.lines_camera), CAMERA) is None
+
+
+@given(center=vectors(3, -3.0, 3.0), turn=vectors(3, -3.0, 3.0), row=st.integers(0, 3), other=st.integers(1, 3))
+def test_reversed_and_exchanged_lines_are_refused_from_everywhere(center, turn, row, other):
+    seen = seen_from(Pose(Rotation.from_rotvec(turn).as_matrix(), CAMERA.translation + center))
+    assume(seen.usable.all())
+    sign = signs(row + 1)
+    assert contradiction(changed(seen, sign, sign, sign)) is not None
+    order = [1, 2, 3, 4]
+    second = (row + other) % 4
+    order[row], order[second] = order[second], order[row]
+    assert contradiction(changed(seen, ids=tuple(order))) is not None
+
+
+@given(offset=numbers(3.0, 1e300), moment=numbers(1e-3, 1e200))
+def test_huge_numbers_are_refused_without_an_exception(offset, moment):
+    seen = seen_from()
+    image = np.array(seen.image_lines)
+    image[:, 2] = offset
+    lines = LineSet(seen.lines_camera.direction, seen.lines_camera.moment * moment, "camera", seen.ids)
+    check = ConsistencyCheck(PAPER, Tolerances(image=0.1, position=0.01))
+    assert check.contradiction(LineObservation(seen.ids, image, seen.usable, lines)) is not None
