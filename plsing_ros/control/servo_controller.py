@@ -8,6 +8,7 @@ from plsing_ros.control.gate import StatusGate
 from plsing_ros.control.servo_cycle import ServoCycle
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.features.consistency import ConsistencyCheck
 from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import Level
@@ -38,6 +39,7 @@ class ServoController:
         self._cycle: ServoCycle | None = None
         self._refused = ""
         self._loci: SceneLoci | None = None
+        self._check = ConsistencyCheck(None)
         self._seen: LineSet | None = None
         self._stamp_filter = StampFilter("features", parameters.features_timeout, parameters.future_tolerance)
         self.gate = StatusGate(Level[parameters.gate_level], parameters.gate_timeout, parameters.future_tolerance)
@@ -60,12 +62,15 @@ class ServoController:
                 seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
                 target = Target(LineObservation.of_lines(seen), "target pose")
             loci = SceneLoci(parameters.lines()) if parameters.lines_points else None
+        check = self._check
+        if loci is not self._loci or parameters.tolerances != check.tolerances:
+            check = ConsistencyCheck(None if loci is None else loci.lines, parameters.tolerances)
         replan = before is not None and detour_options(parameters) != detour_options(before)
         self._stamp_filter.timeout = parameters.features_timeout
         self._stamp_filter.future_tolerance = parameters.future_tolerance
         self.gate.worst = Level[parameters.gate_level]
         self.gate.set_times(parameters.gate_timeout, parameters.future_tolerance)
-        self._parameters = parameters
+        self._parameters, self._check = parameters, check
         if target is not self._target or loci is not self._loci or replan:
             self._target, self._loci = target, loci
             self._restart()
@@ -98,8 +103,11 @@ class ServoController:
         """Use these image lines as s* from now on.
 
         Raises:
-            ObservationError: If fewer than three of them are usable.
+            ObservationError: If fewer than three of them are usable, or they contradict themselves or the scene.
         """
+        problem = self._check.contradiction(desired)
+        if problem is not None:
+            raise ObservationError(problem)
         self._target = Target(desired, "desired features")
         if self._cycle is None:
             self._restart()
@@ -130,7 +138,8 @@ class ServoController:
     def step(self, observation: LineObservation, stamp: int, now: int) -> Command:
         """Return the command for an observation.
 
-        Lines are matched by id; those without a target or out of sight are left out.
+        Lines are matched by id; those without a target, unknown to the scene or out of sight are left out. Features
+        that contradict themselves or the scene halt.
 
         Args:
             observation: What the camera sees, with 3-D lines.
@@ -147,9 +156,14 @@ class ServoController:
         if command is not None or cycle is None:
             self._pause()
             return command or Command(Mode.WAITING, "no target: no desired features received yet")
+        problem = self._check.contradiction(observation)
+        if problem is not None:
+            return self.halt(problem)
         lines, image = _common(observation, cycle.target)
         self._seen = lines
-        return cycle.command(lines, image, parameters.slow_scale if reaction == "slow" else 1.0, stamp)
+        command = cycle.command(lines, image, parameters.slow_scale if reaction == "slow" else 1.0, stamp)
+        unknown = self._check.unknown_ids(observation)
+        return command if not unknown else _with_note(command, unknown)
 
     def _not_to_move(self, observation: LineObservation, reaction: str, stamp: int, now: int) -> Command | None:
         if not self._enabled:
@@ -238,6 +252,12 @@ def _reaction(verdict: LinesVerdict, parameters: ControllerParameters) -> str:
     if verdict < LinesVerdict.POOR:
         return "ignore"
     return parameters.poor_lines if verdict is LinesVerdict.POOR else parameters.ambiguous_lines
+
+
+def _with_note(command: Command, unknown: tuple[int, ...]) -> Command:
+    ids = ", ".join(map(str, unknown))
+    note = f"line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene (lines.ids): left out"
+    return command._replace(reason=f"{command.reason}; {note}" if command.reason else note)
 
 
 def _common(observation: LineObservation, target: Target) -> tuple[LineSet, Array]:

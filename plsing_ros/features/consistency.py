@@ -80,12 +80,12 @@ class ConsistencyCheck:
         known = set(self._scene.ids)
         return tuple(i for i in observation.usable_ids if i not in known)
 
-    def contradiction(self, observation: LineObservation, T_scene_camera: Pose | None = None) -> str | None:
+    def contradiction(self, observation: LineObservation, T_world_camera: Pose | None = None) -> str | None:
         """Return what contradicts, as a sentence, or None.
 
         Args:
             observation: What the camera sees; without 3-D lines nothing can be said.
-            T_scene_camera: Where the camera is said to be, if that is known from elsewhere.
+            T_world_camera: Where the camera is said to be, if that is known from elsewhere.
         """
         lines = observation.lines_camera
         if lines is None:
@@ -97,7 +97,7 @@ class ConsistencyCheck:
             seen, expected = self._matched(lines)
             if seen is None or expected is None:
                 return None
-            return self._of_scene(expected, seen, T_scene_camera)
+            return self._of_scene(expected, seen, T_world_camera)
 
     def _of_image(self, image: Array, lines: LineSet) -> str | None:
         """Compare the planes of image lines with those of the message's own 3-D lines."""
@@ -142,7 +142,7 @@ class ConsistencyCheck:
             return self._explanations.of_parallel(expected, seen)
         total = aligned.offset * math.sqrt(len(seen))
         if not (aligned.angle <= _SURE * tolerances.direction and total <= tolerances.position):
-            fit = fit_of(expected, seen, aligned.T_scene_camera, self._allowed)
+            fit = fit_of(expected, seen, aligned.T_world_camera, self._allowed)
             problem = (
                 self._explanations.exchanged(expected, seen, fit, self._allowed)
                 if fit.good
@@ -150,7 +150,7 @@ class ConsistencyCheck:
             )
             if problem is not None:
                 return problem
-        return None if told is None else self._of_pose(aligned.T_scene_camera, aligned.angle, total, seen, told)
+        return None if told is None else self._of_pose(aligned.T_world_camera, aligned.angle, total, seen, told)
 
     def _allowed(self, turn: Array, foot: Array) -> tuple[float, Array]:
         """Return the allowed angle of directions and offset of lines [m], shape (k,), for turns and distances."""

@@ -40,7 +40,7 @@ class Fit:
     excess: Array
 
 
-def fit_of(expected: LineSet, seen: LineSet, T_scene_camera: Pose, allowed: Allowed) -> Fit:
+def fit_of(expected: LineSet, seen: LineSet, T_world_camera: Pose, allowed: Allowed) -> Fit:
     """Return how well seen lines fit those expected.
 
     The difference of two moments is what a line is shifted, plus what it is turned times the distance of the point it
@@ -50,10 +50,10 @@ def fit_of(expected: LineSet, seen: LineSet, T_scene_camera: Pose, allowed: Allo
     Args:
         expected: In the scene frame, n lines.
         seen: In the camera frame, in the same order.
-        T_scene_camera: The pose.
+        T_world_camera: The pose.
         allowed: Returns the allowed angle [rad], and offsets [m] for the lines' turns [rad] and distances [m].
     """
-    R, t = T_scene_camera.rotation, T_scene_camera.translation
+    R, t = T_world_camera.rotation, T_world_camera.translation
     u = expected.direction @ R
     moment = (expected.moment - cross(t[np.newaxis], expected.direction)) @ R
     turned = seen.direction - u
@@ -162,7 +162,7 @@ class Explanations:
         order[rows] = rows[::-1]
         changed = LineSet(seen.direction[order], seen.moment[order], seen.frame, seen.ids)
         try:
-            other = fit_of(expected, changed, align_lines(expected, changed).T_scene_camera, allowed)
+            other = fit_of(expected, changed, align_lines(expected, changed).T_world_camera, allowed)
         except GeometryError:
             return None
         if float(other.excess @ other.excess) >= _MUCH_BETTER * float(fit.excess @ fit.excess):
@@ -243,7 +243,7 @@ def text_of_pose(apart: float, turn: float, allowed_apart: float, allowed_turn: 
     return (
         f"camera_pose is {apart:.3g} m and {math.degrees(turn):.1f} degrees away from where the 3-D lines put the "
         f"camera, allowed are {allowed_apart:.2g} m and {math.degrees(allowed_turn):.1f} degrees; check that it is "
-        "T_scene_camera of the optical frame, and that it belongs to these features"
+        "T_world_camera of the optical frame, and that it belongs to these features"
     )
 
 
@@ -278,7 +278,7 @@ def _reversed_guesses(expected: Array, seen: Array) -> list[tuple[int, ...]]:
 def _fits(expected: LineSet, seen: LineSet, allowed: Allowed) -> Pose | None:
     """Return the pose at which all lines are within what is allowed, or None."""
     try:
-        pose = align_lines(expected, seen).T_scene_camera
+        pose = align_lines(expected, seen).T_world_camera
     except GeometryError:
         return None
     return pose if fit_of(expected, seen, pose, allowed).good else None
@@ -287,7 +287,7 @@ def _fits(expected: LineSet, seen: LineSet, allowed: Allowed) -> Pose | None:
 def _scale_text(expected: LineSet, seen: LineSet, allowed: Allowed, most: float) -> str | None:
     """Return "" if a small common scale explains the lines, the sentence if a large one does, None if none does."""
     try:
-        pose = align_lines(expected, seen).T_scene_camera
+        pose = align_lines(expected, seen).T_world_camera
     except GeometryError:
         return None
     # l_scene = k R l_camera + t cross u: linear in k and t.
@@ -313,7 +313,7 @@ def _scale_text(expected: LineSet, seen: LineSet, allowed: Allowed, most: float)
 
 def _no_pose_text(expected: LineSet, seen: LineSet, allowed: Allowed) -> str:
     try:
-        pose = align_lines(expected, seen).T_scene_camera
+        pose = align_lines(expected, seen).T_world_camera
     except GeometryError:
         return "no camera pose explains the 3-D lines; check ids, directions' signs and lines.*"
     fit = fit_of(expected, seen, pose, allowed)

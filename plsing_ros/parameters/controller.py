@@ -10,12 +10,13 @@ from plsing_ros.parameters.law import LawParameters
 from plsing_ros.parameters.parameter_set import parameter
 from plsing_ros.parameters.scene import pose_from_parameters
 from plsing_ros.parameters.task import AnswerParameters
+from plsing_ros.parameters.tolerance import ToleranceParameters
 
 _TRUST = ("halt", "slow", "ignore")
 
 
 @dataclass(frozen=True)
-class ControllerParameters(LawParameters, AnswerParameters):
+class ControllerParameters(LawParameters, ToleranceParameters, AnswerParameters):
     """Where to go, by which law, and when not to move."""
 
     target_source: str = parameter(

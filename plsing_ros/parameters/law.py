@@ -13,10 +13,10 @@ from plsing_ros.parameters.parameter_set import parameter
 from plsing_ros.parameters.task import TaskParameters
 
 _RELATIVE = "in units of the target's smallest singular value with the same lines"
-# The laws that keep below a speed limit also when none is given, and which [m/s, rad/s].
-_GUARDING_LAWS = ("guarded", "detour")
-_GUARDED_SPEEDS = (0.15, 0.5)
-_GUARDED_TEXT = "the whole twist is scaled down to it. 0: none, but {:g} for guarded and detour"
+# The default limits [m/s, rad/s], and the laws that know none.
+_SPEEDS = (0.25, 1.0)
+_UNLIMITED_LAWS = ("pinv", "dls", "adaptive_dls")
+_LIMIT_TEXT = "the whole twist is scaled down to it. 0: none for pinv, dls and adaptive_dls, {:g} for the other laws"
 
 
 @dataclass(frozen=True)
@@ -172,17 +172,17 @@ class LawParameters(TaskParameters):
         maximum=0.9,
     )
     max_linear_speed: float = parameter(
-        0.0,
+        _SPEEDS[0],
         "max_linear_speed",
-        f"Limit of |v|; {_GUARDED_TEXT.format(_GUARDED_SPEEDS[0])}",
+        f"Limit of |v|; {_LIMIT_TEXT.format(_SPEEDS[0])}",
         unit="m/s",
         minimum=0.0,
         maximum=1e6,
     )
     max_angular_speed: float = parameter(
-        0.0,
+        _SPEEDS[1],
         "max_angular_speed",
-        f"Limit of |omega|; {_GUARDED_TEXT.format(_GUARDED_SPEEDS[1])}",
+        f"Limit of |omega|; {_LIMIT_TEXT.format(_SPEEDS[1])}",
         unit="rad/s",
         minimum=0.0,
         maximum=1e6,
@@ -229,5 +229,5 @@ class LawParameters(TaskParameters):
     @cached_property
     def speed_limits(self) -> tuple[float, float]:
         """The limits of |v| [m/s] and |omega| [rad/s] in force, infinite where there is none."""
-        linear, angular = _GUARDED_SPEEDS if self.law in _GUARDING_LAWS else (float("inf"), float("inf"))
+        linear, angular = (float("inf"), float("inf")) if self.law in _UNLIMITED_LAWS else _SPEEDS
         return self.max_linear_speed or linear, self.max_angular_speed or angular

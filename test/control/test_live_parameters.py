@@ -26,19 +26,29 @@ FOOT = TRANSVERSAL.point + TRANSVERSAL.direction * (TRANSVERSAL.direction @ (STA
 NEAR = Pose(START.rotation, FOOT + 0.15 * (START.translation - FOOT))
 
 
-def seen(pose, verdict=LinesVerdict.GIVEN, depth=1.0):
+def seen(pose, verdict=LinesVerdict.GIVEN, depth=1.0, turn=0.0, shift=0.0, image=0.0):
+    """What is seen, with 3-D line 1 turned [rad] and shifted [m], and image line 1 turned [rad]."""
     true = LINES.transformed(pose.inverse(), "camera")
-    observation = LineObservation.of_lines(LineSet(true.direction, depth * true.moment, true.frame, true.ids))
+    points, directions = np.array(true.point), np.array(true.direction)
+    normal = true.moment[0] / np.linalg.norm(true.moment[0])
+    points[0] += shift * normal
+    directions[0] += turn * normal
+    off = LineSet.from_points_directions(points, directions, true.frame, true.ids)
+    observation = LineObservation.of_lines(LineSet(off.direction, depth * off.moment, true.frame, true.ids))
+    if image:
+        lines, (x, y, z) = np.array(observation.image_lines), observation.image_lines[0]
+        lines[0] = [np.cos(image) * x - np.sin(image) * y, np.sin(image) * x + np.cos(image) * y, z]
+        observation = dataclasses.replace(observation, image_lines=lines)
     return dataclasses.replace(observation, verdict=verdict, verdict_reason="why")
 
 
-def answers(servo, first, pose=START, verdict=LinesVerdict.GIVEN, late=0, frames=3, depth=1.0):
+def answers(servo, first, pose=START, verdict=LinesVerdict.GIVEN, late=0, frames=3, **off):
     """Answer some frames, the camera standing still; what is said and done, as values to compare."""
     result = []
     for k in range(first, first + frames):
         stamp = NOW + k * STEP
         servo.gate.receive(int(Level.WARN), "near", stamp - 5 * 10**6, stamp)
-        command = servo.step(seen(pose, verdict, depth), stamp, stamp + late)
+        command = servo.step(seen(pose, verdict, **off), stamp, stamp + late)
         result.append((command.mode, command.reason, *command.output, command.scale, command.gain))
     return result
 
@@ -86,6 +96,12 @@ CASES = [
     ("gate_timeout", 1e-3, {"gate": "status"}, {}),
     ("features_timeout", 1e-3, {}, {"late": 10**7}),
     ("future_tolerance", 0.0, {}, {"late": -(10**7)}),
+    ("tolerance.image", 1e-3, {}, {"image": 0.2}),
+    ("tolerance.rotation", 1e-9, {"tolerance.image": 0.17}, {"image": 0.2}),
+    ("tolerance.position", 1e-3, {"tolerance.distance": 0.0}, {"shift": 0.02}),
+    ("tolerance.distance", 0.0, {}, {"shift": 0.1}),
+    ("tolerance.direction", 0.01, {}, {"turn": 0.05}),
+    ("tolerance.scale", 0.01, {}, {"depth": 1.15}),
     ("T_tool_camera.position", (0.1, 0.0, 0.0), {"tool_frame": "tool"}, {}),
     ("T_tool_camera.orientation", (1.0, 0.0, 0.0, 0.0), {"tool_frame": "tool"}, {}),
 ]

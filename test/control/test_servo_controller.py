@@ -65,7 +65,10 @@ def test_a_small_step_reduces_the_error(in_camera, target, offset):
 def test_the_twist_is_proportional_to_the_gain(in_camera, start, offset, gain):
     lines = in_camera.transformed(start, "world")
     target = start.integrate(offset, 1.0)
-    one, other = (servo_for(lines, target, gain=g).step(observation(lines, start), NOW, NOW).twist for g in (1.0, gain))
+    free = {"max_linear_speed": 0.0, "max_angular_speed": 0.0}
+    one, other = (
+        servo_for(lines, target, gain=g, **free).step(observation(lines, start), NOW, NOW).twist for g in (1.0, gain)
+    )
     np.testing.assert_allclose(other, gain * one, rtol=1e-9, atol=1e-12)
 
 
@@ -168,9 +171,11 @@ def test_whatever_comes_the_twist_is_finite_and_within_the_limits(chosen, frames
 def test_an_error_whose_twist_no_number_can_tell_halts_and_a_large_one_does_not(size, law):
     lines, target = SCENE
     seen = observation(lines, target)
-    far = LineObservation(seen.ids, seen.image_lines * [1, 1, 0] + [0, 0, size], seen.usable, seen.lines_camera)
-    servo = servo_for(lines, target, law=law, max_linear_speed=0.1, max_angular_speed=0.1)
-    command = servo.step(far, NOW, NOW)
+    # A target without 3-D lines, which would contradict it.
+    far = LineObservation(seen.ids, seen.image_lines * [1, 1, 0] + [0, 0, size], seen.usable, None)
+    servo = servo_for(lines, target, law=law, target_source="topic", max_linear_speed=0.1, max_angular_speed=0.1)
+    servo.set_target(far)
+    command = servo.step(seen, NOW, NOW)
     assert_safe(command, servo.parameters)
     if size < 1e300:
         assert command.mode is Mode.SERVOING
@@ -324,7 +329,7 @@ def test_a_target_that_no_pose_reaches_is_a_stall():
     directions = [[0.2, 1, 0.1], [-0.1, 1, 0.3], [1, 0.2, 0.2], [1, -0.3, 0], [0.3, 0.2, 1]]
     lines = LineSet.from_points_directions(points, directions)
     pose = Pose(np.eye(3), np.array([0.3, 0.2, -4.0]))
-    servo = servo_for(lines, pose, gain=5.0, target_source="topic")
+    servo = servo_for(lines, pose, gain=5.0, target_source="topic", max_linear_speed=0.0, max_angular_speed=0.0)
     desired = observation(lines, pose)
     bent = desired.image_lines + 0.1 * np.array([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 0, -1], [0, 0, 1]])
     servo.set_target(LineObservation(desired.ids, bent, desired.usable, None))

@@ -130,7 +130,7 @@ def test_a_line_that_was_moved_is_named():
 
 def test_one_of_parallel_lines_that_points_the_other_way():
     corridor = LineSet.from_points_directions([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]], [[0, 0, 1]] * 4)
-    seen = seen_from(Pose.looking_at([1.0, 0.8, -1.0], [1.1, 1.0, 5.0], down=(0.0, -1.0, 0.0)), corridor)
+    seen = seen_from(Pose.look_at([1.0, 0.8, -1.0], [1.1, 1.0, 5.0], down=(0.0, -1.0, 0.0)), corridor)
     assert contradiction(seen, scene=corridor) is None
     sign = signs(3)
     assert "line 3 is reversed" in contradiction(changed(seen, sign, sign, sign), scene=corridor)
