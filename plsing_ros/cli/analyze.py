@@ -13,7 +13,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.cli.command import run_command
 from plsing_ros.figures.scene_page import save_scene_page
 from plsing_ros.geometry.scene_file import read_scene
-from plsing_ros.singularities import SingularSet, singular_set
+from plsing_ros.singularities import Curve, Kind, SingularSet, Surface, singular_set
 from plsing_ros.singularities.proofs.certify import certify
 
 _EPILOG = """examples:
@@ -66,8 +66,23 @@ def _description(singular: SingularSet) -> list[str]:
         zip(singular.isolated_points, singular.isolated_point_residuals, strict=True), start=1
     ):
         lines.append(f"isolated point {number}: {_vector(point)} m, residual {residual:.1e}")
-    lines += [f"{surface.name}: degree {surface.degree}" for surface in singular.surfaces]
+    lines += [f"{surface.name}: {_equation(surface)}" for surface in singular.surfaces]
+    lines += [f"{curve.name}: {_parametrisation(curve)}" for curve in singular.curves]
     return lines
+
+
+def _equation(surface: Surface) -> str:
+    if surface.kind is not Kind.PLANE:
+        return f"degree {surface.degree}"
+    constant, *normal = surface.coefficients / np.linalg.norm(surface.coefficients[1:])
+    return f"{_vector(normal)} . C = {-constant:.6g} m"
+
+
+def _parametrisation(curve: Curve) -> str:
+    if curve.kind is Kind.STRAIGHT_LINE:
+        return f"through {_vector(curve.point)} m along {_vector(curve.axes[0])}"
+    first, second = curve.axes
+    return f"in the plane through {_vector(curve.point)} m spanned by {_vector(first)} and {_vector(second)}"
 
 
 def _proofs(singular: SingularSet) -> list[str]:

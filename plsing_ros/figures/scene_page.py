@@ -84,6 +84,9 @@ def save_scene_page(
             marker={"color": "red", "size": 5},
         )
     )
+    for curve in singular.curves:
+        points = curve.polyline(center, radius)
+        figure.add_trace(_curve(graph_objects, curve.name, points, {"color": "red", "width": 5}))
     for surface in surfaces:
         figure.add_trace(_mesh(graph_objects, surface, center, surface_radius))
     for number, (name, centers) in enumerate(paths):

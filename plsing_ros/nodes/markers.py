@@ -45,7 +45,9 @@ def scene_markers(singular: SingularSet, head: Header) -> MarkerArray:
     transversals.points = _points(segments_in_ball(*singular.transversal_lines, center, radius))
     isolated = _marker(head, "isolated_points", Marker.SPHERE_LIST, 6.0 * width, _POINT)
     isolated.points = _points(singular.isolated_points)
-    markers = [lines, transversals, isolated]
+    curves = _marker(head, "curves", Marker.LINE_LIST, width, _POINT)
+    curves.points = [point for curve in singular.curves for point in _points(curve.segments(center, radius))]
+    markers = [lines, transversals, isolated, curves]
     for number, surface in enumerate(singular.surfaces):
         mesh = _marker(head, "surfaces", Marker.TRIANGLE_LIST, 1.0, _SURFACE, number)
         mesh.points = _points(surface_triangles(surface, center, 0.5 * radius))

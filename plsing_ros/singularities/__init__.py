@@ -2,6 +2,7 @@
 
 from plsing_ros.singularities.batch import FourLineBatch, solve_four_line_scenes
 from plsing_ros.singularities.cases import Case
+from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.four_lines import IsolatedStatus
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
 from plsing_ros.singularities.meshing import surface_triangles
@@ -13,6 +14,7 @@ from plsing_ros.singularities.unobservable_motion import MotionKind, Unobservabl
 
 __all__ = [
     "Case",
+    "Curve",
     "DistanceArrays",
     "FourLineBatch",
     "IsolatedStatus",

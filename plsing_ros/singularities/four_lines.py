@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,7 +42,6 @@ class IsolatedPoints:
         center: Shape (k, 3), complex.
         real: Which are real, shape (k,).
         residual: Independent residuals, shape (k,).
-        planes: (a, b) of planes a . x + b = 0 that are singular as a whole but not filled with transversals, (p, 4).
     """
 
     status: IsolatedStatus
@@ -50,7 +49,6 @@ class IsolatedPoints:
     center: ComplexArray
     real: BoolArray
     residual: Array
-    planes: Array = field(default_factory=lambda: np.zeros((0, 4)))
 
 
 def no_points(status: IsolatedStatus, note: str = "") -> IsolatedPoints:

@@ -17,6 +17,8 @@ class Kind(enum.Enum):
     PLANE = "plane"
     QUADRIC = "quadric"
     CUBIC = "cubic surface"
+    STRAIGHT_LINE = "singular straight line"
+    CONIC = "conic"
 
     def __str__(self) -> str:
         return self.value

@@ -1,8 +1,7 @@
-"""Isolated points of five or more lines: those of a four-line subset that stay singular with all lines."""
+"""Isolated points of five or more lines, none parallel: those of a four-line subset that all lines keep singular."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations, islice
 
 import numpy as np
@@ -20,7 +19,6 @@ from plsing_ros.singularities.four_lines import (
     no_points,
 )
 from plsing_ros.singularities.isolated_points import RESIDUAL_TOLERANCE, ComplexArray, solve_ten_points
-from plsing_ros.singularities.parallel_classes import plane_difference, planes_with_isolated_points
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.surfaces import transversal_surfaces
@@ -39,15 +37,12 @@ _CANDIDATE = 1e-6
 _ON_LOCUS = 1e-8
 # Scene lengths from the scene's centre beyond which a candidate is an eigenvalue at infinity, blurred by rounding.
 _FARTHEST = 1e7
-# Places in a plane or on a line that nothing special is expected at.
-_ANYWHERE = np.array([[-1.37, 0.86], [0.41, 1.93], [2.23, -0.77], [0.68, -2.12]])
 
 
 def isolated_points_of_many(frame: SceneFrame, analysis: TransversalAnalysis) -> IsolatedPoints:
     """Return the isolated points of n >= 5 distinct lines that are not singular everywhere.
 
-    Many parallel lines leave a plane or two to look at (parallel_classes). Where they do not: leaving
-    lines out can only lower the rank, so a singular centre of all lines is singular for each four of them: it
+    Leaving lines out can only lower the rank, so a singular centre of all lines is singular for each four of them: it
     is one of their isolated points or on one of their transversals. Along a transversal xi is a matrix linear in the
     position, whose singular positions are generalised eigenvalues.
 
@@ -57,9 +52,6 @@ def isolated_points_of_many(frame: SceneFrame, analysis: TransversalAnalysis) ->
 
     Source: new, docs/theory.md section "Five and more lines".
     """
-    found = _of_parallel_lines(frame, analysis)
-    if found is not None:
-        return found
     rows = best_subsets(frame)
     ten = solve_ten_points(frame.direction[rows], frame.point[rows])
     generic = is_generic(ten)
@@ -93,7 +85,7 @@ def _candidates(
         return None
     # A plane that is singular for all lines anyway does no harm.
     for plane in transversals.planes:
-        if not any(plane_difference(plane, own) <= _ON_LOCUS for own in analysis.planes):
+        if not any(min(np.abs(plane - own).max(), np.abs(plane + own).max()) <= _ON_LOCUS for own in analysis.planes):
             return None
     if ten is None:
         own = SceneFrame.recentered(four)
@@ -107,49 +99,6 @@ def _candidates(
     along = [_singular_along(frame, line) for line in transversals.lines if np.linalg.norm(line[:3]) > _ON_LOCUS]
     candidates: ComplexArray = np.concatenate([ten, *along])
     return candidates
-
-
-def _of_parallel_lines(frame: SceneFrame, analysis: TransversalAnalysis) -> IsolatedPoints | None:
-    """Return the isolated points if the parallel lines leave a plane or two to look at, in which they can be found."""
-    planes = planes_with_isolated_points(frame)
-    if planes is None:
-        return None
-    candidates: list[ComplexArray] = [np.zeros((0, 3), dtype=complex)]
-    singular, curves = [], 0
-    for plane in planes:
-        origin, axes = -plane[3] * plane[:3], np.linalg.svd(plane[np.newaxis, :3])[2][1:]
-        some = origin + _ANYWHERE @ axes
-        if _on_known_locus(frame, analysis, some[0].astype(complex)):
-            continue
-        if _all_singular(frame, some):
-            singular.append(plane)
-            continue
-        # Turning about the normal, the camera sees no line move only if all perpendiculars to lines are in the plane.
-        across = plane[:3] - (frame.direction @ plane[:3])[:, np.newaxis] * frame.direction
-        rows, right = across @ axes.T, np.einsum("ij,ij->i", across, frame.point - origin)
-        rows[np.linalg.norm(rows, axis=1) <= _ON_LOCUS] = 0.0
-        place, _, rank, _ = np.linalg.lstsq(rows, right, rcond=_ON_LOCUS)
-        foot = origin + place @ axes
-        if rank == 0:
-            return None
-        if rank == 2:
-            candidates.append(foot[np.newaxis].astype(complex))
-            continue
-        way = np.linalg.svd(rows)[2][1] @ axes
-        some = foot + _ANYWHERE[:, :1] * way
-        if not _all_singular(frame, some):
-            candidates.append(_singular_along(frame, np.concatenate([way, cross(foot, way)])))
-        elif not _on_known_locus(frame, analysis, some[0].astype(complex)):
-            curves += 1
-    found = _surviving(frame, analysis, np.concatenate(candidates))
-    if curves:
-        note = "A straight line that does not meet all lines is singular too."
-        found = replace(found, status=IsolatedStatus.POSITIVE_DIMENSIONAL, note=note)
-    return replace(found, planes=np.array(singular).reshape(-1, 4))
-
-
-def _all_singular(frame: SceneFrame, centers: Array) -> bool:
-    return bool(singularity_residuals(frame.point, frame.direction, centers).max() <= RESIDUAL_TOLERANCE)
 
 
 def _singular_along(frame: SceneFrame, line: Array) -> ComplexArray:

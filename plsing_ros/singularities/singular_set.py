@@ -14,12 +14,14 @@ from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
 from plsing_ros.geometry.pose import FARTHEST, checked_position
 from plsing_ros.singularities.cases import Case, classify
+from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.degenerate_scenes import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, isolated_points_of_four, no_points
 from plsing_ros.singularities.isolated_points import ComplexArray
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
 from plsing_ros.singularities.many_lines import isolated_points_of_many
 from plsing_ros.singularities.nearest_transversal import NearestTransversal, nearest_transversal
+from plsing_ros.singularities.parallel_lines import screws_of_parallel_lines
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.surfaces import Surface, plane_surface, three_line_cubic, transversal_surfaces
@@ -51,6 +53,7 @@ class SingularSet:
         isolated_points_complex: All of them, the real ones first and in the same order, shape (m, 3).
         isolated_complex_residuals: Independent residual of each of those, shape (m,).
         surfaces: Planes, quadrics and cubics that are singular as a whole.
+        curves: Straight lines and conics at which a screw is unobservable.
         singular_everywhere: Whether every camera centre is singular.
         note: What became of the isolated points of a general scene, or why every centre is singular; empty if there is
             nothing to add.
@@ -67,6 +70,7 @@ class SingularSet:
     isolated_points_complex: ComplexArray
     isolated_complex_residuals: Array
     surfaces: tuple[Surface, ...]
+    curves: tuple[Curve, ...]
     singular_everywhere: bool
     note: str
     frame: SceneFrame
@@ -79,6 +83,8 @@ class SingularSet:
         parts = [str(self.case), f"Found: {self.family};"]
         if self.surfaces:
             parts.append(f"surfaces: {', '.join(surface.name for surface in self.surfaces)};")
+        if self.curves:
+            parts.append(f"curves: {', '.join(curve.name for curve in self.curves)};")
         if self.isolated_status is not IsolatedStatus.SURFACES:
             count = f"{len(self.isolated_points)} real of {len(self.isolated_points_complex)} isolated points"
             parts.append(f"{count} ({self.isolated_status}).")
@@ -86,18 +92,18 @@ class SingularSet:
 
     @cached_property
     def locus_names(self) -> tuple[str, ...]:
-        """Names of the transversals, isolated points, observed lines and surfaces, in this order."""
+        """Names of the transversals, isolated points, observed lines, surfaces and curves, in this order."""
         names = [transversal.name for transversal in self.transversals]
         names += [f"isolated point {i}" for i in range(1, len(self.isolated_points) + 1)]
         names += [f"line {i}" for i in self.lines.ids]
-        return (*names, *(surface.name for surface in self.surfaces))
+        return (*names, *(surface.name for surface in self.surfaces), *(curve.name for curve in self.curves))
 
     @cached_property
     def locus_kinds(self) -> tuple[Kind, ...]:
         """What each of locus_names is."""
         kinds = [Kind.TRANSVERSAL] * len(self.transversals) + [Kind.ISOLATED_POINT] * len(self.isolated_points)
         kinds += [Kind.OBSERVED_LINE] * len(self.lines)
-        return (*kinds, *(surface.kind for surface in self.surfaces))
+        return (*kinds, *(surface.kind for surface in self.surfaces), *(curve.kind for curve in self.curves))
 
     @cached_property
     def transversal_lines(self) -> tuple[Array, Array]:
@@ -107,9 +113,9 @@ class SingularSet:
 
     @cached_property
     def lines_and_points(self) -> tuple[Array, Array]:
-        """A point [m] and the unit direction of all that is no surface, in the order of locus_names, shapes (m, 3).
+        """A point [m] and the unit direction of all that is no surface or curve, shapes (m, 3).
 
-        A point is a line whose direction is zero.
+        In the order of locus_names; a point is a line whose direction is zero.
         """
         (point, direction), points, lines = self.transversal_lines, self.isolated_points, self.lines
         no_direction = np.zeros_like(points)
@@ -118,7 +124,7 @@ class SingularSet:
     def distance_arrays(self, camera_center: npt.ArrayLike) -> DistanceArrays:
         """Return the distances to all parts of the set in the order of locus_names; for every control cycle.
 
-        The order never changes for one set: transversals, isolated points, observed lines, surfaces.
+        The order never changes for one set: transversals, isolated points, observed lines, surfaces, curves.
 
         Args:
             camera_center: In the frame of the lines, shape (3,) [m].
@@ -128,12 +134,14 @@ class SingularSet:
         """
         center = checked_position("camera_center", camera_center)
         point, direction = self.lines_and_points
-        m, k = len(point), len(point) + len(self.surfaces)
+        others = len(self.surfaces) + len(self.curves)
+        m, k = len(point), len(point) + others
         closest, distance = np.empty((k, 3)), np.empty(k)
-        of_lines = (closest[:m], distance[:m]) if self.surfaces else (closest, distance)
+        of_lines = (closest[:m], distance[:m]) if others else (closest, distance)
         kernels.distances(point, direction, center, *of_lines)
-        if self.surfaces:
-            closest[m:] = [surface.first_order_closest_point(center) for surface in self.surfaces]
+        if others:
+            near = [surface.first_order_closest_point(center) for surface in self.surfaces]
+            closest[m:] = [*near, *(curve.closest_point(center) for curve in self.curves)]
             distance[m:] = np.linalg.norm(closest[m:] - center, axis=1)
         return DistanceArrays(distance, closest)
 
@@ -212,6 +220,7 @@ def singular_set(lines: LineSet) -> SingularSet:
             TransversalAnalysis(TransversalFamily.EVERYWHERE, np.zeros((0, 6)), np.zeros((0, 4))),
             (),
             (),
+            (),
             no_points(IsolatedStatus.EVERYWHERE, reason),
         )
     reduced = frame if len(rows) == len(lines) else SceneFrame.of(lines.select(rows))
@@ -219,20 +228,23 @@ def singular_set(lines: LineSet) -> SingularSet:
     foot, direction = finite_transversals(analysis)
     surfaces = transversal_surfaces(reduced, analysis)
     case = classify(reduced, analysis.family)
+    curves: tuple[Curve, ...] = ()
     if len(rows) == 3:
         cubic = three_line_cubic(reduced)
         surfaces += (cubic,) if cubic is not None else ()
         isolated = no_points(IsolatedStatus.SURFACES)
+    elif (screws := screws_of_parallel_lines(reduced, analysis)) is not None:
+        isolated, curves = screws.isolated, screws.curves
+        surfaces += tuple(
+            plane_surface(reduced, screws.planes[i], f"singular plane {i + 1}") for i in range(len(screws.planes))
+        )
     elif len(rows) == 4:
         isolated = isolated_points_of_four(reduced, analysis, surfaces)
     else:
         isolated = isolated_points_of_many(reduced, analysis)
-        surfaces += tuple(
-            plane_surface(reduced, isolated.planes[i], f"singular plane {i + 1}") for i in range(len(isolated.planes))
-        )
     residual = singularity_residuals(reduced.point, reduced.direction, places_along(foot, direction))
     transversals = named_transversals(reduced, foot, direction, residual)
-    return _assembled(lines, reduced, case, analysis, transversals, surfaces, isolated)
+    return _assembled(lines, reduced, case, analysis, transversals, surfaces, curves, isolated)
 
 
 def _assembled(
@@ -242,6 +254,7 @@ def _assembled(
     analysis: TransversalAnalysis,
     transversals: tuple[Transversal, ...],
     surfaces: tuple[Surface, ...],
+    curves: tuple[Curve, ...],
     isolated: IsolatedPoints,
 ) -> SingularSet:
     """Name and order everything that was found, and turn scene coordinates into those of the lines."""
@@ -262,6 +275,7 @@ def _assembled(
         isolated_points_complex=points,
         isolated_complex_residuals=residuals,
         surfaces=surfaces,
+        curves=curves,
         singular_everywhere=case is Case.SINGULAR_EVERYWHERE,
         note=isolated.note,
         frame=frame,

@@ -161,10 +161,10 @@ def test_the_candidate_point_is_not_singular_in_general(d):
     center = np.array([float(sp.Rational(value)) for value in candidate_point([sp.Integer(v) for v in d])])
     lines = line_set(orthogonal_lines(d))
     assume(min(distance_to_line(center, p, u) for p, u in zip(*orthogonal_lines(d), strict=True)) > 1e-3)
-    singular = singular_set(lines)
-    singular = min_ratio(lines, center) < 1e-12
-    near = [point for point in singular.isolated_points if np.linalg.norm(point - center) < 1e-6]
-    assert bool(near) == singular
+    points = singular_set(lines).isolated_points
+    is_singular = min_ratio(lines, center) < 1e-12
+    near = [point for point in points if np.linalg.norm(point - center) < 1e-6]
+    assert bool(near) == is_singular
 
 
 def test_five_lines_through_the_singular_screw_of_four():

@@ -76,7 +76,7 @@ SPECIAL = {
     "box corner with a parallel edge": (
         [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 1, 1]],
         [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0]],
-        F.PENCIL, S.POSITIVE_DIMENSIONAL, 0, [Kind.PLANE], 0,
+        F.PENCIL, S.POSITIVE_DIMENSIONAL, 0, [Kind.PLANE, Kind.PLANE], 0,
     ),
     "four box edges of one face and beyond": (
         [[0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 1]],
@@ -86,7 +86,7 @@ SPECIAL = {
     "chain of box edges": (
         [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]],
         [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0]],
-        F.TWO, S.POSITIVE_DIMENSIONAL, 0, [], 2,
+        F.TWO, S.POSITIVE_DIMENSIONAL, 0, [Kind.PLANE], 2,
     ),
     "three concurrent": (
         [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 1, 7]],
