@@ -6,6 +6,48 @@ ValueError; None comes back for what has no answer. SI units, (v, omega) for twi
 
 from plsing_ros.arrays import Array
 
+# lines.cpp
+
+def are_lines(direction: Array, moment: Array, tolerance: float) -> bool:
+    """Return whether all rows are finite, directions of unit length, and moments orthogonal to them.
+
+    Args:
+        direction: Shape (n, 3).
+        moment: Shape (n, 3) [m].
+        tolerance: Of the squared length, and of the product relative to 1 m plus the moment's largest element.
+    """
+
+def are_image_lines(image_lines: Array, tolerance: float) -> bool:
+    """Return whether all rows (n, 3) are finite with l'_x^2 + l'_y^2 = 1, whose root may be off by the tolerance."""
+
+def have_images(moment: Array, min_depth: float) -> bool:
+    """Return whether all lines of these moments in the camera frame, shape (n, 3) [m], have an image.
+
+    A line has none if |(l_x, l_y)| is below min_depth times the larger of 1 m and the moment's largest element, or if
+    that or l_z is not finite.
+    """
+
+def is_rotation(rotation: Array, tolerance: float) -> bool:
+    """Return whether a matrix (3, 3) is a rotation, its product with its transpose being off by up to the tolerance."""
+
+def align_lines(
+    direction: Array, moment: Array, seen_direction: Array, seen_moment: Array
+) -> tuple[Array, Array, float, float, float] | None:
+    """Return T_world_camera from n lines; None if they do not fix it or are not finite.
+
+    Args:
+        direction: In the world frame, shape (n, 3).
+        moment: Likewise, shape (n, 3) [m].
+        seen_direction: In the camera frame, shape (n, 3).
+        seen_moment: Likewise, shape (n, 3) [m].
+
+    Returns:
+        Rotation (3, 3), translation (3,) [m], second singular value of the directions' correlation, least cosine
+        between a direction and the seen one, root mean square misfit of the moments [m].
+
+    Source: geometry.align_lines.
+    """
+
 # features.cpp
 
 def subtract(a: Array, b: Array) -> tuple[Array, float]:
@@ -20,8 +62,8 @@ def interaction_matrix(direction: Array, moment: Array, min_depth: float) -> Arr
 def svd(matrix: Array) -> tuple[Array, Array, Array] | None:
     """Return the thin singular value decomposition (left (m, k), values (k,), right (k, k)) of a matrix (m, k).
 
-    Values are the largest first, right singular vectors are rows. None if the matrix or a singular value is not finite,
-    or m < k; k is 1 to 6.
+    Values are the largest first, right singular vectors are rows. None if the matrix or a singular value is not
+    finite. k is 1 to 6; with m < k the missing values are zero, and their left vectors of no use.
     """
 
 def interaction_svd(direction: Array, moment: Array, min_depth: float) -> tuple[Array, Array, Array] | None:
@@ -33,7 +75,7 @@ def solve(
     """Return least squares by the singular value decomposition; None where svd is None.
 
     Args:
-        matrix: Shape (m, k), k from 1 to 6, m >= k.
+        matrix: Shape (m, k), k from 1 to 6.
         right_side: Shape (m,).
         factor: Multiplies the right side.
         threshold: Singular values up to this times the largest are taken as zero.
@@ -47,7 +89,7 @@ def compute_twist(
     direction: Array,
     moment: Array,
     image: Array,
-    desired: Array,
+    target_image: Array,
     min_depth: float,
     gain: float,
     threshold: float,
@@ -58,7 +100,7 @@ def compute_twist(
         direction: Of n lines in the camera frame, shape (n, 3), n from 2 on.
         moment: Likewise, shape (n, 3) [m].
         image: s, shape (3n,).
-        desired: s*, shape (3n,).
+        target_image: s*, shape (3n,).
         min_depth: As for interaction_matrix.
         gain: [1/s].
         threshold: As for solve.
@@ -66,14 +108,107 @@ def compute_twist(
     Source: eq. velocity_input.
     """
 
-def mean_interaction(image: Array, desired_image: Array, interaction: Array, desired_interaction: Array) -> Array:
+def mean_interaction(image: Array, target_image: Array, interaction: Array, target_interaction: Array) -> Array:
     """Return the mean of L and L* (3n, k), whose rows are turned to the image lines of L before.
 
     Args:
         image: s, shape (3n,).
-        desired_image: s*, shape (3n,).
+        target_image: s*, shape (3n,).
         interaction: L, or some columns of it, shape (3n, k).
-        desired_interaction: L*, likewise.
+        target_interaction: L*, likewise.
 
     Source: docs/controller.md.
+    """
+
+# monitoring.cpp
+
+def step_law(
+    lines: Array,
+    target_image: Array,
+    twist: Array,
+    duration: float,
+    gain: float,
+    min_depth: float,
+    max_speed: float,
+) -> tuple[Array, Array] | None:
+    """Return what a camera sees after a motion, and the twist -gain pinv(L) (s - s*) that the law commands there.
+
+    Args:
+        lines: n lines in the camera frame, direction and moment, shape (2, n, 3).
+        target_image: Image lines at the target, shape (n, 3).
+        twist: With which the camera moves, shape (6,) [m/s, rad/s].
+        duration: Of the motion [s].
+        gain: [1/s].
+        min_depth: As for have_images.
+        max_speed: Length that the twist must not reach with gain 1.
+
+    Returns:
+        The lines after the motion, exactly, shape (2, n, 3), and the twist (6,); None if L is singular to working
+        precision, a line has no image, or the twist is too long.
+    """
+
+def compare_lines(
+    direction: Array,
+    moment: Array,
+    rotation: Array,
+    translation: Array,
+    seen_direction: Array,
+    seen_moment: Array,
+) -> tuple[Array, Array]:
+    """Return lines in the frame of a camera, and those that it sees minus these, shapes (2, n, 3).
+
+    Args:
+        direction: In the world frame, shape (n, 3).
+        moment: Likewise, shape (n, 3) [m].
+        rotation: Of T_world_camera, shape (3, 3).
+        translation: Likewise, shape (3,) [m].
+        seen_direction: Of the same lines as the camera sees them, in its frame, shape (n, 3).
+        seen_moment: Likewise, shape (n, 3) [m].
+    """
+
+def image_deviation(moment: Array, image_lines: Array) -> float:
+    """Return the sum of squares of the images of lines of these moments (n, 3) [m] minus image lines (n, 3).
+
+    Infinite or NaN if a line has no image.
+    """
+
+def closest_points(point: Array, direction: Array, center: Array) -> tuple[Array, Array]:
+    """Return the closest points on k lines, and points, shape (k, 3) [m], and their distances, shape (k,) [m].
+
+    Args:
+        point: A point of each, shape (k, 3) [m].
+        direction: Unit directions, zero for points, shape (k, 3).
+        center: Camera centre, shape (3,) [m].
+    """
+
+def closest_approach(
+    closest: Array,
+    distance: Array,
+    direction: Array,
+    role: Array,
+    rotation: Array,
+    center: Array,
+    twist: Array,
+    horizon: float,
+    at_rest: float,
+    along_share: float,
+) -> tuple[int, float, float, float, float]:
+    """Return what a straight motion comes nearest to, or row -1 if nothing is approached.
+
+    Args:
+        closest: The point of each locus closest to the centre, shape (k, 3) [m].
+        distance: Of the centre from each, shape (k,) [m].
+        direction: Unit directions of lines, zero for others, shape (k, 3).
+        role: 0 for lines and points, 1 for surfaces, -1 for what is left out, shape (k,).
+        rotation: Of T_world_camera, shape (3, 3).
+        center: Camera centre, shape (3,) [m].
+        twist: Of the camera in its frame, shape (6,) [m/s, rad/s].
+        horizon: Approaches after this time do not count [s].
+        at_rest: A centre slower than this does not move [m/s].
+        along_share: A motion across a locus by no more than this share of the speed is along it.
+
+    Returns:
+        The row with the least distance ahead; the time to the closest point of the nearest locus [s] and the rate at
+        which it comes nearer, as a share of the speed, or NaN if the motion does not change that distance; the time to
+        the closest approach [s] and its distance [m], or NaN if there is none.
     """

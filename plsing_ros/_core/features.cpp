@@ -72,15 +72,15 @@ py::object solve(const View<Dynamic, Dynamic> &matrix, const Values &right_side,
                           array_of(components), array_of(decomposed.solve(components, threshold)));
 }
 
-py::object compute_twist(const Vectors &direction, const Vectors &moment, const Values &image, const Values &desired,
+py::object compute_twist(const Vectors &direction, const Vectors &moment, const Values &image, const Values &target_image,
                          double min_depth, double gain, double threshold)
 {
     const Index n = direction.rows();
-    require(moment.rows() == n && image.size() == 3 * n && desired.size() == 3 * n, "there must be n lines in each");
+    require(moment.rows() == n && image.size() == 3 * n && target_image.size() == 3 * n, "there must be n lines in each");
     Tall matrix;
     if (!fill_interaction_matrix(direction, moment, min_depth, matrix))
         return py::none();
-    const Eigen::VectorXd error = image - desired;
+    const Eigen::VectorXd error = image - target_image;
     const Svd decomposed(matrix);
     if (!decomposed.is_finite())
         return py::none();
@@ -88,20 +88,20 @@ py::object compute_twist(const Vectors &direction, const Vectors &moment, const 
     return py::make_tuple(array_of(twist), array_of(decomposed.values()), norm_of(error));
 }
 
-py::array_t<double> mean_interaction(const Values &image, const Values &desired_image,
+py::array_t<double> mean_interaction(const Values &image, const Values &target_image,
                                      const View<Dynamic, Dynamic> &interaction,
-                                     const View<Dynamic, Dynamic> &desired_interaction)
+                                     const View<Dynamic, Dynamic> &target_interaction)
 {
     const Index rows = image.size();
-    require(rows % 3 == 0 && desired_image.size() == rows && interaction.rows() == rows &&
-                desired_interaction.rows() == rows && desired_interaction.cols() == interaction.cols(),
+    require(rows % 3 == 0 && target_image.size() == rows && interaction.rows() == rows &&
+                target_interaction.rows() == rows && target_interaction.cols() == interaction.cols(),
             "there must be three rows for each line in all of them");
-    Eigen::MatrixXd mean = 0.5 * (interaction + desired_interaction);
+    Eigen::MatrixXd mean = 0.5 * (interaction + target_interaction);
     for (Index i = 0; i < rows; i += 3) {
-        const auto L = interaction.middleRows<2>(i), L_desired = desired_interaction.middleRows<2>(i);
+        const auto L = interaction.middleRows<2>(i), L_target = target_interaction.middleRows<2>(i);
         const Eigen::Vector2d across(-image(i + 1), image(i));
-        const Eigen::RowVector2d across_desired(-desired_image(i + 1), desired_image(i));
-        mean.middleRows<2>(i) = 0.5 * (L + across * (across_desired * L_desired));
+        const Eigen::RowVector2d across_target(-target_image(i + 1), target_image(i));
+        mean.middleRows<2>(i) = 0.5 * (L + across * (across_target * L_target));
     }
     return array_of(mean);
 }

@@ -11,18 +11,23 @@ namespace plsing {
 
 Svd::Svd(const Eigen::Ref<const Tall> &matrix)
 {
-    const Index k = matrix.cols();
-    const double size = matrix.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
-    if (matrix.rows() < k || !std::isfinite(size))
+    const Index m = matrix.rows(), k = matrix.cols();
+    rows_ = m;
+    const double size = m > 0 ? matrix.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() : 0.0;
+    if (!std::isfinite(size))
         return;
     // The largest element becomes about one, without rounding, so that squares neither over- nor underflow.
     int exponent = 0;
     std::frexp(size, &exponent);
     exponent = std::max(exponent, -1000);
-    triangular_.compute(std::ldexp(1.0, -exponent) * matrix);
+    Tall scaled = Tall::Zero(std::max(m, k), k);
+    scaled.topRows(m) = std::ldexp(1.0, -exponent) * matrix;
+    triangular_.compute(scaled);
     const Small triangle = triangular_.matrixQR().topRows(k).triangularView<Eigen::Upper>();
     const Eigen::JacobiSVD<Small, Eigen::NoQRPreconditioner> svd(triangle, Eigen::ComputeFullU | Eigen::ComputeFullV);
     values_ = svd.singularValues().unaryExpr([exponent](double value) { return std::ldexp(value, exponent); });
+    // Zero, not only to rounding.
+    values_.tail(std::max(k - m, Index(0))).setZero();
     right_ = triangular_.colsPermutation() * svd.matrixV();
     left_of_triangle_ = svd.matrixU();
     finite_ = std::isfinite(values_(0));
@@ -34,13 +39,14 @@ Tall Svd::left() const
     Tall left = Tall::Zero(triangular_.rows(), k);
     left.topRows(k) = left_of_triangle_;
     left.applyOnTheLeft(triangular_.householderQ().setLength(k));
-    return left;
+    return left.topRows(rows_);
 }
 
 Unknowns Svd::components(const Eigen::Ref<const Eigen::VectorXd> &vector) const
 {
     const Index k = triangular_.cols();
-    Eigen::VectorXd reflected = vector;
+    Eigen::VectorXd reflected = Eigen::VectorXd::Zero(triangular_.rows());
+    reflected.head(rows_) = vector;
     reflected.applyOnTheLeft(triangular_.householderQ().setLength(k).adjoint());
     return left_of_triangle_.transpose() * reflected.head(k);
 }

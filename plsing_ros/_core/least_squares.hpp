@@ -15,8 +15,8 @@ using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMa
 using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, max_unknowns, 1>;
 using Tall = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, Eigen::Dynamic, max_unknowns>;
 
-// The thin singular value decomposition of a matrix (m, k), m >= k and k <= 6: a QR decomposition with pivots, and
-// Jacobi's rotations of its triangular factor.
+// The singular value decomposition of a matrix (m, k), k <= 6: a QR decomposition with pivots, and Jacobi's rotations of
+// its triangular factor. With m < k the missing singular values are zero.
 class Svd {
 public:
     explicit Svd(const Eigen::Ref<const Tall> &matrix);
@@ -27,7 +27,7 @@ public:
     const Unknowns &values() const { return values_; }
     // Right singular vectors as columns, (k, k).
     const Small &right() const { return right_; }
-    // Left singular vectors as columns, (m, k).
+    // Left singular vectors as columns, (m, k); those of missing values are of no use.
     Tall left() const;
     // Their products with a vector (m).
     Unknowns components(const Eigen::Ref<const Eigen::VectorXd> &vector) const;
@@ -39,6 +39,7 @@ public:
 
 private:
     bool finite_ = false;
+    Eigen::Index rows_ = 0;
     Eigen::ColPivHouseholderQR<Tall> triangular_;
     Unknowns values_;
     Small right_, left_of_triangle_;

@@ -43,7 +43,7 @@ inline bool has_image(const Vector3d &moment, double depth, double min_depth)
 // Fill the interaction matrix (3n, 6) of n lines in the camera frame; false, with it unfinished, if one has no image.
 bool fill_interaction_matrix(const Rows3Ref &direction, const Rows3Ref &moment, double min_depth, Tall &matrix);
 
-// Fill s - s* (3n), the images of lines of these moments minus image lines, which are only of use if they have any.
-void fill_image_error(const Rows3Ref &moment, const Rows3Ref &image_lines, Eigen::VectorXd &error);
+// The images of lines of these moments minus image lines, (3n); not finite if a line has no image.
+Eigen::VectorXd image_error(const Rows3Ref &moment, const Rows3Ref &image_lines);
 
 }  // namespace plsing

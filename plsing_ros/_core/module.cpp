@@ -2,11 +2,15 @@
 #include "core.hpp"
 
 namespace plsing {
+void bind_lines(py::module_ &module);
 void bind_features(py::module_ &module);
+void bind_monitoring(py::module_ &module);
 }  // namespace plsing
 
 PYBIND11_MODULE(compiled, module)
 {
     module.doc() = "Inner loops of every cycle; plsing_ros/_core says what is in which file.";
+    plsing::bind_lines(module);
     plsing::bind_features(module);
+    plsing::bind_monitoring(module);
 }

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.control.compute_twist import LawTwist
 from plsing_ros.features import feature_error, interaction_matrix, solve_least_squares
@@ -31,13 +29,15 @@ def plain_twist(
     Source: eq. velocity_input.
     """
     gain, threshold = parameters.gain, parameters.pinv_threshold
-    values: Array = np.empty(6)
-    twist: Array = np.empty(6)
-    error_norm = kernels.plain_law(
-        lines.direction, lines.moment, image, target_image, values, twist, DEGENERATE_DEPTH, gain, threshold
-    )
-    if error_norm is None:
-        # A single line, or something to be refused with its reason.
+    answer = None
+    if len(image) == len(target_image):
+        answer = _core.compute_twist(
+            lines.direction, lines.moment, image, target_image, DEGENERATE_DEPTH, gain, threshold
+        )
+    if answer is not None:
+        twist, values, error_norm = answer
+    else:
+        # Something to be refused with its reason.
         error, error_norm = feature_error(image, target_image)
         values, _, _, twist = solve_least_squares(interaction_matrix(lines), error, -gain, threshold)
     return LawTwist(twist, gain, values, 0.0, 1.0), error_norm

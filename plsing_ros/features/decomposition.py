@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 
@@ -48,11 +48,10 @@ def decompose(matrix: Array) -> Decomposition:
         GeometryError: If it has another shape or is not finite.
     """
     rows = rows_of(matrix)
-    m, k = rows.shape
-    left, singular_values, right = np.empty((m, k)), np.empty(k), np.empty((k, k))
-    if not kernels.svd(rows, left, singular_values, right):
+    parts = _core.svd(rows)
+    if parts is None:
         raise not_finite()
-    return Decomposition(left if m == len(matrix) else left[: len(matrix)], singular_values, right)
+    return Decomposition(*parts)
 
 
 def smallest_over_largest(singular_values: Sequence[float]) -> float:
@@ -62,16 +61,14 @@ def smallest_over_largest(singular_values: Sequence[float]) -> float:
 
 
 def rows_of(matrix: Array) -> Array:
-    """Return an interaction matrix, or some columns of it, as kernels want it: row after row, no fewer than columns.
+    """Return an interaction matrix, or some columns of it, row after row as the native core wants it.
 
     Raises:
         GeometryError: If it has another shape than (m, k), k from 1 to 6.
     """
     if matrix.ndim != 2 or not 1 <= matrix.shape[1] <= 6:
         raise GeometryError(f"the interaction matrix has shape {matrix.shape}, expected (m, 6) or some columns of it")
-    m, k = matrix.shape
-    rows = np.ascontiguousarray(matrix, dtype=np.float64)
-    return rows if m >= k else np.vstack([rows, np.zeros((k - m, k))])
+    return np.ascontiguousarray(matrix, dtype=np.float64)
 
 
 def not_finite() -> GeometryError:

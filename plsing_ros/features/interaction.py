@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
-from plsing_ros.features.decomposition import Decomposition, decompose
+from plsing_ros.features.decomposition import Decomposition, decompose, not_finite
 from plsing_ros.features.projection import DEGENERATE_DEPTH, refuse_degenerate
 from plsing_ros.geometry import LineSet
 
@@ -27,19 +25,15 @@ def interaction_matrix(lines_camera: LineSet) -> Array:
     Source: eq. MPlucker with the opposite sign: the paper's twist is that of the lines relative to the camera, ours
     that of the camera (docs/conventions.md).
     """
-    matrix = np.empty((3 * len(lines_camera), 6))
-    if not kernels.interaction_matrix(lines_camera.direction, lines_camera.moment, matrix, DEGENERATE_DEPTH):
+    matrix = _core.interaction_matrix(lines_camera.direction, lines_camera.moment, DEGENERATE_DEPTH)
+    if matrix is None:
         refuse_degenerate(lines_camera)
+        raise not_finite()
     return matrix
 
 
 def decompose_interaction(lines_camera: LineSet) -> Decomposition:
-    """Return factorised(interaction_matrix(lines_camera)) in one call, with the same errors."""
-    n = len(lines_camera)
-    left, singular_values, right = np.empty((3 * n, 6)), np.empty(6), np.empty((6, 6))
-    if not kernels.interaction_svd(
-        lines_camera.direction, lines_camera.moment, left, singular_values, right, DEGENERATE_DEPTH
-    ):
-        # Fewer rows than columns, or something is wrong, which is said step by step.
-        return decompose(interaction_matrix(lines_camera))
-    return Decomposition(left, singular_values, right)
+    """Return decompose(interaction_matrix(lines_camera)) in one call, with the same errors."""
+    parts = _core.interaction_svd(lines_camera.direction, lines_camera.moment, DEGENERATE_DEPTH)
+    # What is wrong is said step by step.
+    return decompose(interaction_matrix(lines_camera)) if parts is None else Decomposition(*parts)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.features.decomposition import not_finite, rows_of
@@ -41,8 +39,7 @@ def feature_error(image: Array, target_image: Array) -> tuple[Array, float]:
     """
     if len(image) != len(target_image):
         raise GeometryError(f"s has {len(image)} values and s* has {len(target_image)}; they must be as many")
-    error = np.empty(len(image))
-    return error, kernels.subtract(image, target_image, error)
+    return _core.subtract(image, target_image)
 
 
 def solve_least_squares(
@@ -60,13 +57,10 @@ def solve_least_squares(
         GeometryError: If the matrix has another shape or is not finite, or the right side is of another length.
     """
     rows = rows_of(matrix)
-    m, k = rows.shape
     given = len(right_side)
     if given != len(matrix):
         raise GeometryError(f"the right side has {given} values for an interaction matrix of {len(matrix)} rows")
-    if m > given:
-        right_side = np.concatenate([right_side, np.zeros(m - given)])
-    values, right, components, solution = np.empty(k), np.empty((k, k)), np.empty(k), np.empty(k)
-    if not kernels.solve(rows, right_side, values, right, components, solution, factor, threshold):
+    parts = _core.solve(rows, right_side, factor, threshold)
+    if parts is None:
         raise not_finite()
-    return LeastSquaresSolution(values, right, components, solution)
+    return LeastSquaresSolution(*parts)

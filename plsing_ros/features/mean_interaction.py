@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 
 
@@ -24,6 +24,4 @@ def mean_interaction(current: Array, image: Array, target: Array, target_image: 
     Source: the mean of ViSP, which has the features (r, a); in three coordinates new, docs/controller.md.
     """
     current, target = np.ascontiguousarray(current), np.ascontiguousarray(target)
-    mean = np.empty(current.shape)
-    kernels.mean_interaction(image, target_image, current, target, mean, mean.shape[1])
-    return mean
+    return _core.mean_interaction(image, target_image, current, target)

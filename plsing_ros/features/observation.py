@@ -9,7 +9,7 @@ from itertools import compress
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray, checked_array, shaped_array
 from plsing_ros.errors import ObservationError, PlsingError
 from plsing_ros.features.projection import degenerate_projections, have_images, project_lines
@@ -66,7 +66,7 @@ class LineObservation:
         usable = np.array(self.usable, dtype=bool)
         if usable.shape != (n,):
             raise ObservationError(f"usable has shape {usable.shape}, expected ({n},)")
-        if not kernels.are_image_lines(image, _NORM_TOLERANCE):
+        if not _core.are_image_lines(image, _NORM_TOLERANCE):
             _refuse(self.ids, image, usable)
         usable.setflags(write=False)
         object.__setattr__(self, "image_lines", image)

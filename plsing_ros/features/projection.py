@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray
 from plsing_ros.errors import DegenerateProjectionError
 from plsing_ros.geometry import LineSet
@@ -53,7 +53,7 @@ def project_lines(lines_camera: LineSet) -> Array:
 
 def have_images(lines_camera: LineSet) -> bool:
     """Return whether none of the lines is degenerate; much faster than to ask for each."""
-    return kernels.have_images(lines_camera.moment, DEGENERATE_DEPTH)
+    return _core.have_images(lines_camera.moment, DEGENERATE_DEPTH)
 
 
 def refuse_degenerate(lines_camera: LineSet) -> None:

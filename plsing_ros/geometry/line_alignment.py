@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.geometry.line_set import LineSet
@@ -53,13 +53,11 @@ def align_lines(scene: LineSet, seen: LineSet) -> Alignment:
     Source: new, docs/monitor.md; the rotation is Kabsch's.
     """
     expected = matched(scene, seen)
-    rotation, translation, quality = np.empty((3, 3)), np.empty(3), np.empty(3)
-    fixed = kernels.align(
-        expected.direction, expected.moment, seen.direction, seen.moment, rotation, translation, quality
-    )
-    spread, cosine, offset = quality.tolist()
-    if not fixed or len(seen) < 2 or spread < _PARALLEL:
+    aligned = _core.align_lines(expected.direction, expected.moment, seen.direction, seen.moment)
+    # The third is the second singular value of the directions' correlation.
+    if aligned is None or len(seen) < 2 or aligned[2] < _PARALLEL:
         raise GeometryError(f"the {len(seen)} seen line(s) are all parallel; they do not fix a camera pose")
+    rotation, translation, _, cosine, offset = aligned
     return Alignment(Pose(rotation, translation), math.acos(min(max(cosine, -1.0), 1.0)), offset)
 
 
@@ -93,10 +91,7 @@ def reversed_lines(scene: LineSet, seen: LineSet, rotation: Array) -> tuple[int,
         seen: In the camera frame.
         rotation: Of T_world_camera, shape (3, 3); the noise of both may be large.
     """
-    expected = matched(scene, seen).direction
-    if kernels.least_cosine(expected, rotation, seen.direction) >= _REVERSED:
-        return ()
-    cosine = np.einsum("ij,ij->i", expected @ rotation, seen.direction)
+    cosine = np.einsum("ij,ij->i", matched(scene, seen).direction @ rotation, seen.direction)
     return tuple(seen.ids[row] for row in np.flatnonzero(cosine < _REVERSED))
 
 

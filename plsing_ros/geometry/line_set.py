@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array, checked_array, cross, shaped_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry.pose import Pose, checked_position
@@ -64,7 +64,7 @@ class LineSet:
             raise GeometryError("no lines given; at least one is needed")
         moment = shaped_array("moment", self.moment, (n, 3))
         ids = _checked_ids(tuple(self.ids), n)
-        if not kernels.are_lines(direction, moment, _TOLERANCE):
+        if not _core.are_lines(direction, moment, _TOLERANCE):
             _refuse(direction, moment, ids)
         for name, value in (("direction", direction), ("moment", moment), ("ids", ids)):
             object.__setattr__(self, name, value)

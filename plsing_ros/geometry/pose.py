@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array, checked_array, shaped_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry.rotations import exponential, quaternion_from_rotation, rotation_from_quaternion
@@ -40,7 +40,7 @@ class Pose:
     def __post_init__(self) -> None:
         rotation = shaped_array("rotation", self.rotation, (3, 3))
         translation = checked_position("translation", self.translation)
-        if not kernels.is_rotation(rotation, _TOLERANCE):
+        if not _core.is_rotation(rotation, _TOLERANCE):
             checked_array("rotation", rotation, (3, 3))
             error = np.abs(rotation @ rotation.T - np.eye(3)).max()
             raise GeometryError(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
 from plsing_ros.singularities import DistanceArrays, Kind, LocusDistance, SingularSet
@@ -18,8 +18,8 @@ _AT_REST = 1e-9  # [m/s]
 _ALONG = 0.02
 # Nearer in time than this to the closest point, the camera is passing.
 _PASSING = 0.1  # [s]
-# Roles for kernels.approach: of lines and points the closest place on the path counts, of surfaces where the path goes
-# through, and observed lines do not count.
+# Roles for _core.closest_approach: of lines and points the closest place on the path counts, of surfaces where the path
+# goes through, and observed lines do not count.
 _LINE_OR_POINT, _SURFACE, _LEFT_OUT = 0.0, 1.0, -1.0
 
 
@@ -92,8 +92,7 @@ class ApproachTable:
         """
         if self._is_empty:
             return Trend.UNKNOWN, None
-        found = np.empty(4)
-        row = kernels.approach(
+        row, nearest_time, nearest_rate, time, distance = _core.closest_approach(
             arrays.closest_point,
             arrays.distance,
             self._direction,
@@ -101,12 +100,10 @@ class ApproachTable:
             T_world_camera.rotation,
             T_world_camera.translation,
             twist,
-            found,
             horizon,
             _AT_REST,
             _ALONG,
         )
-        nearest_time, nearest_rate, time, distance = found.tolist()
         if abs(nearest_time) <= _PASSING:
             trend = Trend.PASSING
         elif abs(nearest_rate) > _ALONG:
@@ -117,7 +114,7 @@ class ApproachTable:
 
 
 def _role(kind: Kind) -> float:
-    """Return the role of a kind of locus in kernels.approach."""
+    """Return the role of a kind of locus in _core.closest_approach."""
     if kind is Kind.OBSERVED_LINE:
         return _LEFT_OUT
     return _SURFACE if kind in (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC) else _LINE_OR_POINT

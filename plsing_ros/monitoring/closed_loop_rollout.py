@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 
 _SECOND = 1_000_000_000
@@ -183,7 +183,7 @@ class ClosedLoopRollout:
             return False
         if not samples:
             return False
-        deviation = kernels.image_deviation(samples[0].lines[1], sight.image)
+        deviation = _core.image_deviation(samples[0].lines[1], sight.image)
         return deviation <= MAX_DEVIATION * len(sight.image)
 
     def _is_commanded(self, foreseen: Array, twist: Array) -> bool:
@@ -229,10 +229,9 @@ class ClosedLoopRollout:
         previous = self._previous
         if previous is None or previous.error is None or sight.error is None or sight.stamp <= previous.stamp:
             return
-        noise = np.empty(sight.error.shape)
-        if _SQRT_HALF * kernels.subtract(sight.error, previous.error, noise) > _MIN_NOISE:
-            noise *= _SQRT_HALF
-            self._noise.append(noise)
+        noise, size = _core.subtract(sight.error.ravel(), previous.error.ravel())
+        if _SQRT_HALF * size > _MIN_NOISE:
+            self._noise.append(_SQRT_HALF * noise.reshape(sight.error.shape))
 
     def _speed_by_noise(self, lines: Array, twist: Array, target_image: Array) -> float:
         """Return by how much the speed changes if the law sees the lines with the noise of the latest frames [m/s]."""
@@ -264,10 +263,7 @@ def _law_step(
     lines: Array, twist: Array, duration: float, target_image: Array, gain: float
 ) -> tuple[Array, Array] | None:
     """Return lines (2, n, 3) after a motion and the twist that the law commands there, or None if it has none."""
-    moved, next_twist = np.empty(lines.shape), np.empty(6)
-    if not kernels.law_step(lines, target_image, twist, moved, next_twist, duration, gain, _MIN_DEPTH, _FASTEST):
-        return None
-    return moved, next_twist
+    return _core.step_law(lines, target_image, twist, duration, gain, _MIN_DEPTH, _FASTEST)
 
 
 def _law_at(lines: Array, target_image: Array) -> Array | None:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.features import Decomposition, LineObservation
 from plsing_ros.geometry import LineSet, Pose
@@ -138,19 +138,15 @@ class Prediction:
 def _sight(stamp: int, lines: LineSet, image: Array, pose: Pose | None, scene: LineSet) -> Snapshot:
     """Return what is known: the scene's lines in the camera frame if they have that image, else those seen."""
     if pose is not None:
-        of_scene, shape = matched(scene, lines), (2, len(image), 3)
-        expected, error = np.empty(shape), np.empty(shape)
-        deviation = kernels.lines_seen(
+        of_scene = matched(scene, lines)
+        expected, error = _core.compare_lines(
             of_scene.direction,
             of_scene.moment,
             pose.rotation,
             pose.translation,
             lines.direction,
             lines.moment,
-            image,
-            expected,
-            error,
         )
-        if deviation <= MAX_DEVIATION * len(image):
+        if _core.image_deviation(expected[1], image) <= MAX_DEVIATION * len(image):
             return Snapshot(stamp, image, expected, error)
     return Snapshot(stamp, image, np.array([lines.direction, lines.moment]))

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
@@ -134,15 +134,12 @@ class SingularSet:
         """
         center = checked_position("camera_center", camera_center)
         point, direction = self.lines_and_points
-        others = len(self.surfaces) + len(self.curves)
-        m, k = len(point), len(point) + others
-        closest, distance = np.empty((k, 3)), np.empty(k)
-        of_lines = (closest[:m], distance[:m]) if others else (closest, distance)
-        kernels.distances(point, direction, center, *of_lines)
-        if others:
+        closest, distance = _core.closest_points(point, direction, center)
+        if self.surfaces or self.curves:
             near = [surface.first_order_closest_point(center) for surface in self.surfaces]
-            closest[m:] = [*near, *(curve.closest_point(center) for curve in self.curves)]
-            distance[m:] = np.linalg.norm(closest[m:] - center, axis=1)
+            near += [curve.closest_point(center) for curve in self.curves]
+            closest = np.concatenate([closest, near])
+            distance = np.concatenate([distance, np.linalg.norm(closest[len(distance) :] - center, axis=1)])
         return DistanceArrays(distance, closest)
 
     def distances(self, camera_center: npt.ArrayLike) -> list[LocusDistance]:
