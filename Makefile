@@ -7,14 +7,15 @@ export PYTHON
 
 RUN := $(PYTHON) tools/environment.py run
 
-.PHONY: help demo paper test test-noble bench lint clean setup python noble-python
+.PHONY: help demo paper docs test test-noble bench lint clean setup python noble-python
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo        run the demo                        ARGS=... is passed to it"
 	@echo "make test        run the tests                       ARGS='-k transversals' is passed to pytest"
 	@echo "make test-noble  the same with Ubuntu 24.04's numpy, scipy, ..., on Python 3.12"
-	@echo "make paper       run the paper's experiments and write docs/paper.md      ARGS=... is passed to it"
+	@echo "make paper       run the paper's experiments and write docs/results/paper.md      ARGS=... is passed to it"
+	@echo "make docs        build the documentation into build/docs/html; a warning is an error"
 	@echo "make bench       measure the speed                   ARGS=... is passed to it"
 	@echo "make lint        check style, format and types"
 	@echo "make setup       only make the environment that all of these use (they do so themselves)"
@@ -34,6 +35,10 @@ test-noble: noble-python
 
 paper: python
 	@$(RUN) python3 -m paper $(ARGS)
+
+docs: python
+	@$(RUN) python3 -m sphinx --fail-on-warning --keep-going -q -d build/docs/doctrees docs build/docs/html $(ARGS)
+	@echo "built build/docs/html/index.html"
 
 bench: python
 	@$(RUN) python3 -m benchmark $(ARGS)

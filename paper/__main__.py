@@ -28,7 +28,7 @@ from plsing_ros.singularities import singular_set
 from plsing_ros.testing.experiment_runner import run_in_nodes
 
 _EPILOG = """examples:
-  paper                                          everything: docs/paper.md, docs/figures/paper/, paper_output/scene.html
+  paper                                          everything: docs/results/, paper_output/scene.html
   paper --docs /tmp/docs                         write the page somewhere else
   paper --docs /tmp/docs --only trajectories     one group of runs, without choices and laws, to look at"""
 
@@ -43,7 +43,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of paper.md and figures/ (%(default)s)")
+    parser.add_argument(
+        "--docs", type=Path, default=Path("docs/results"), help="folder of paper.md and figures/ (%(default)s)"
+    )
     parser.add_argument(
         "--output", type=Path, default=Path("paper_output"), help="folder of the interactive page (%(default)s)"
     )

@@ -1,4 +1,4 @@
-"""The text of docs/paper.md, made from results."""
+"""The text of docs/results/paper.md, made from results."""
 
 from __future__ import annotations
 

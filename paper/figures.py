@@ -1,4 +1,4 @@
-"""The figures of docs/paper.md."""
+"""The figures of docs/results/paper.md."""
 
 from __future__ import annotations
 

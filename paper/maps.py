@@ -1,4 +1,4 @@
-"""The planes and paths of the maps in docs/paper.md."""
+"""The planes and paths of the maps in docs/results/paper.md."""
 
 from __future__ import annotations
 

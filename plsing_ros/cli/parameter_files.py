@@ -1,4 +1,4 @@
-"""Command that writes config/<node>.yaml and docs/parameters.md from the parameter specifications."""
+"""Command that writes config/<node>.yaml from the parameter specifications."""
 
 from __future__ import annotations
 
@@ -42,46 +42,19 @@ def parameter_file(node: str) -> str:
         lines += textwrap.wrap(comment, 112, initial_indent="    # ", subsequent_indent="    # ")
         default = field.default
         # An empty array has no type in a parameter file, so it is refused there.
-        lines.append(f"    {'# ' if default == () else ''}{name}: {_yaml(default)}")
-    return "\n".join(lines) + "\n"
-
-
-def parameter_page() -> str:
-    """Return the parameters of all nodes as Markdown tables."""
-    lines = ["# Parameters", "", "Made by `python3 -m plsing_ros.cli.parameter_files` from `plsing_ros/parameters/`."]
-    for node, kind in NODES.items():
-        lines += [
-            "",
-            f"## {node}",
-            "",
-            "| name | default | unit | allowed | live | meaning |",
-            "|---|---|---|---|---|---|",
-        ]
-        for name, (field, specification) in kind.specifications().items():
-            cells = (
-                f"`{name}`",
-                f"`{_yaml(field.default)}`",
-                specification.unit or "-",
-                specification.range_text or "any",
-                "yes" if specification.live else "no",
-                specification.description,
-            )
-            lines.append(f"| {' | '.join(cells)} |")
+        lines.append(f"    {'# ' if default == () else ''}{name}: {yaml_text(default)}")
     return "\n".join(lines) + "\n"
 
 
 def generated_files() -> dict[str, str]:
     """Return the generated files' contents by path relative to the source tree."""
-    return {
-        **{f"config/{node}.yaml": parameter_file(node) for node in NODES},
-        "docs/parameters.md": parameter_page(),
-    }
+    return {f"config/{node}.yaml": parameter_file(node) for node in NODES}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the files; return the exit code."""
     parser = argparse.ArgumentParser(
-        description="Write config/<node>.yaml and docs/parameters.md from plsing_ros/parameters/.",
+        description="Write config/<node>.yaml from plsing_ros/parameters/.",
         epilog="example: python3 -m plsing_ros.cli.parameter_files",
     )
     parser.add_argument("--root", type=Path, default=Path(), help="source tree (default: the current folder)")
@@ -105,9 +78,10 @@ def _details(specification: Specification) -> str:
     return details + ("" if specification.live else "Fixed at the start.")
 
 
-def _yaml(value: Any) -> str:
+def yaml_text(value: Any) -> str:
+    """Return a parameter's value as YAML that ROS and other readers take alike."""
     if isinstance(value, tuple):
-        return "[" + ", ".join(map(_yaml, value)) + "]"
+        return "[" + ", ".join(map(yaml_text, value)) + "]"
     if isinstance(value, float):
         text = repr(value)
         # "1e-12" is a float to ROS and a string to YAML readers that follow YAML 1.1.

@@ -12,7 +12,7 @@ def svd(matrix: Array, left: Array, singular_values: Array, right: Array) -> boo
     """Fill the thin singular value decomposition; return False if the matrix or a singular value is not finite.
 
     The compiled one is a QR decomposition by Householder's reflections with pivots and Jacobi's one-sided rotations of
-    its triangular factor, as exact as LAPACK's and for a few lines twice as fast (docs/performance.md).
+    its triangular factor, as exact as LAPACK's and for a few lines twice as fast (docs/results/performance.md).
 
     Args:
         matrix: Shape (m, k) with k <= 6; with m < k it is refused likewise.

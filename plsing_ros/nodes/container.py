@@ -26,7 +26,7 @@ _EXAMPLES = """examples:
 
 The nodes share one thread: put those together that wait for each other anyway, and the singularity_monitor, which
 nobody waits for, in a process of its own. On the command line, -p NODE:NAME:=VALUE sets a parameter of one node.
-docs/performance.md says what it gains."""
+docs/results/performance.md says what it gains."""
 
 
 def main() -> int:

@@ -9,7 +9,7 @@
 
 Each harness has a ROS domain and a context of its own, so that tests do not hear each other, also when they run in
 parallel. Nothing runs but inside spin_until and spin_for, in the calling thread: between two calls the world stands
-still. docs/testing.md shows how to test your own nodes with it.
+still. docs/howto/testing.md shows how to test your own nodes with it.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ def test_every_parameter_is_there_with_its_default_unit_and_range(node):
 
 def test_writes_where_it_is_told(tmp_path, capsys):
     (tmp_path / "config").mkdir()
-    (tmp_path / "docs").mkdir()
     assert main(["--root", str(tmp_path)]) == 0
-    assert (tmp_path / "docs" / "parameters.md").read_text() == generated_files()["docs/parameters.md"]
+    name = "config/controller.yaml"
+    assert (tmp_path / name).read_text() == generated_files()[name]
     assert "wrote" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""docs/paper.md: what is cheap to compute is up to date, and the document says what was measured."""
+"""docs/results/paper.md: what is cheap to compute is up to date, and the document says what was measured."""
 
 import re
 from dataclasses import replace
@@ -19,7 +19,7 @@ from paper.tasks import TRAJECTORIES, paper_tasks
 from plsing_ros.simulation.run_record import RunRecord
 from plsing_ros.singularities import Case, singular_set
 
-DOCS = Path(plsing_ros.__file__).resolve().parents[1] / "docs"
+DOCS = Path(plsing_ros.__file__).resolve().parents[1] / "docs" / "results"
 
 
 def committed():
@@ -28,7 +28,7 @@ def committed():
 
 def test_the_geometry_of_the_committed_page_is_what_is_computed_now():
     there = appendix_sections() in committed()
-    assert there, "docs/paper.md is out of date: run make paper"
+    assert there, "docs/results/paper.md is out of date: run make paper"
 
 
 def test_the_committed_page_tells_of_all_runs_and_links_all_figures():
