@@ -89,7 +89,7 @@ def _replay(number: int, task: Task, runs: Runs, noise: float, target_known: boo
 def _first_alert(replay: _Replay) -> tuple[int, str] | None:
     """Return the frame of the first WARN or above, and its reason."""
     lines = replay.task.lines
-    monitor = SingularityMonitor(
+    monitor = SingularityMonitor.from_parameters(
         MonitorParameters(
             lines_points=tuple(lines.point.ravel()),
             lines_directions=tuple(lines.direction.ravel()),
@@ -108,7 +108,7 @@ def _first_alert(replay: _Replay) -> tuple[int, str] | None:
             monitor.receive_pose(camera.T_world_camera, stamp)
         seen: LineObservation = camera.observe()
         try:
-            assessment = monitor.assess(seen, stamp, stamp)
+            assessment = monitor.answer(seen, stamp, stamp)
         except PlsingError as error:
             # As the node does; a camera that has run away can be too far off to see anything in numbers.
             assessment = monitor.unusable(str(error), stamp)

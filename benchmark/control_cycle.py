@@ -69,8 +69,11 @@ def _measured(n: int, peer: visp.Visp | str) -> dict[str, float]:
 def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
     scene = {"lines_points": tuple(lines.point.ravel()), "lines_directions": tuple(lines.direction.ravel())}
     parameters = ControllerParameters(**scene, target_position=tuple(TARGET.translation), gain=GAIN)
-    servo, guarded = ServoController(parameters), ServoController(parameters.with_values({"law": "guarded"}))
-    monitor = SingularityMonitor(MonitorParameters(**scene))
+    servo, guarded = (
+        ServoController.from_parameters(parameters),
+        ServoController.from_parameters(parameters.with_values({"law": "guarded"})),
+    )
+    monitor = SingularityMonitor.from_parameters(MonitorParameters(**scene))
     monitor.receive_pose(START, NOW)
     observation = LineObservation.of_lines(lines.transformed(START.inverse(), "camera"))
     seen, rows = observation.lines_camera, observation.image_lines
@@ -87,11 +90,11 @@ def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
         return -GAIN * np.linalg.pinv(matrix) @ (project_lines(seen) - target), 1.0 / np.linalg.cond(matrix)
 
     candidates = (
-        lambda: servo.step(observation, NOW, NOW),
+        lambda: servo.answer(observation, NOW, NOW),
         lambda: LineObservation.from_rows(seen.ids, rows, seen.direction, seen.moment, observation.usable, "camera"),
-        lambda: guarded.step(observation, NOW, NOW),
+        lambda: guarded.answer(observation, NOW, NOW),
         core,
         textbook,
-        lambda: monitor.assess(observation, NOW, NOW),
+        lambda: monitor.answer(observation, NOW, NOW),
     )
     return dict(zip(OWN_NAMES, candidates, strict=True))

@@ -202,7 +202,7 @@ def _by_controller(case: Case, law: Law, drawn: np.ndarray, taught: bool) -> np.
         "target.orientation": tuple(task.target.quaternion_xyzw),
         "target.source": "topic" if taught else "pose",
     }
-    servo = ServoController(ControllerParameters.from_values({**values, **law.parameters}))
+    servo = ServoController.from_parameters(ControllerParameters.from_values({**values, **law.parameters}))
     none = np.zeros((2, len(task.lines), 3))
     if taught:
         servo.set_target(LineObservation.of_lines(_seen(case, task.target, none)))
@@ -210,7 +210,7 @@ def _by_controller(case: Case, law: Law, drawn: np.ndarray, taught: bool) -> np.
     for step, noise in enumerate(drawn):
         centers.append(pose.translation)
         stamp = 10**9 + round(step * TIME_STEP * 1e9)
-        twist = servo.step(LineObservation.of_lines(_seen(case, pose, noise)), stamp, stamp).twist
+        twist = servo.answer(LineObservation.of_lines(_seen(case, pose, noise)), stamp, stamp).twist
         told = pose @ errors.T_told_camera.inverse()
         pose = told.integrate(errors.speed * twist, TIME_STEP) @ errors.T_told_camera
     return np.reshape(centers, (-1, 3))

@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def _monitor(lines: LineSet, target_known: bool) -> SingularityMonitor:
-    return SingularityMonitor(
+    return SingularityMonitor.from_parameters(
         MonitorParameters(
             lines_points=tuple(lines.point.ravel()),
             lines_directions=tuple(lines.direction.ravel()),
@@ -71,7 +71,7 @@ def _cycles(n: int, with_pose: bool, with_twist: bool, target_known: bool = True
     for pose, observation, twist in itertools.cycle(_run(lines)):
         if with_pose:
             monitor.receive_pose(pose, stamp)
-        assessment = monitor.assess(observation, stamp, stamp)
+        assessment = monitor.answer(observation, stamp, stamp)
         if assessment is not None:
             # As whoever listens to the status does: words are made when they are read.
             assert assessment.reason is not None and assessment.unobservable_motion_text is not None

@@ -71,7 +71,7 @@ def study(seed: int, count: int, noise: float, workers: int = 2) -> None:
 def _run(seed: int, noise: float, number: int) -> _Run:
     task = random_task(seed, number)
     lines = task.lines
-    monitor = SingularityMonitor(
+    monitor = SingularityMonitor.from_parameters(
         MonitorParameters(
             lines_points=tuple(lines.point.ravel()),
             lines_directions=tuple(lines.direction.ravel()),
@@ -91,7 +91,7 @@ def _run(seed: int, noise: float, number: int) -> _Run:
             break
         monitor.receive_pose(camera.T_world_camera, stamp)
         try:
-            assessment = monitor.assess(seen, stamp, stamp)
+            assessment = monitor.answer(seen, stamp, stamp)
         except PlsingError as error:
             # As the node does.
             assessment = monitor.unusable(str(error), stamp)

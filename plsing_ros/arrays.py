@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,11 @@ def shaped_array(
         raise error(f"{name} has shape {have}, expected {expected}")
     array.setflags(write=False)
     return array
+
+
+def vector_text(values: Iterable[float]) -> str:
+    """Return numbers as a vector for a person to read: "(0.5, 1, -2)"."""
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
 
 
 _YZX, _ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])

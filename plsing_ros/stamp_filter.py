@@ -4,7 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from plsing_ros.errors import ObservationError
+
 _SECOND = 1_000_000_000
+# Zero means "no stamp" in a message; in Python a start time of zero, or a few years before it, is a time.
+_ORIGIN = 10**18
+
+
+def stamp_from_seconds(time: float) -> int:
+    """Return a stamp [ns] for a time in seconds from anywhere, for StampFilter: never zero, in the same order.
+
+    Raises:
+        ObservationError: If the time is not a finite number, or beyond 1e9 s.
+    """
+    if not -1e9 < time < 1e9:
+        raise ObservationError(f"time is {time} s; it must be a number between -1e9 and 1e9 s")
+    return _ORIGIN + round(time * _SECOND)
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -62,3 +63,8 @@ class Command(NamedTuple):
     scale: float = 1.0
     saturated: bool = False
     path_progress: float = 0.0
+
+    def __str__(self) -> str:
+        why = f": {self.reason}" if self.reason else ""
+        speeds = (math.hypot(*self.twist[:3]), math.hypot(*self.twist[3:]))
+        return f"{self.mode.name}{why}; |v| {speeds[0]:.3g} m/s, |omega| {speeds[1]:.3g} rad/s"

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command, Mode
 from plsing_ros.control.gate import StatusGate
 from plsing_ros.control.servo_cycle import ServoCycle
-from plsing_ros.errors import ObservationError
+from plsing_ros.errors import ObservationError, PlsingError
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.features.consistency import ConsistencyCheck
 from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import Level
 from plsing_ros.parameters import ControllerParameters
+from plsing_ros.parameters.options import parameters_from_options
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_tracker import detour_options
 from plsing_ros.planning.target_check import TargetCheck, check_target
+from plsing_ros.pose import PoseEstimator, lift_lines
+from plsing_ros.pose.line_lifting import lift_lines_at
 from plsing_ros.singularities.scene_loci import SceneLoci
-from plsing_ros.stamp_filter import StampFilter
+from plsing_ros.stamp_filter import StampFilter, stamp_from_seconds
 
 __all__ = ["MINIMUM_LINES", "Command", "Mode", "ServoController"]
 
@@ -27,12 +33,42 @@ _DISABLED = "switched off by ~/enable"
 class ServoController:
     """Turns observations into commands; commands zero and says why whenever it cannot trust its input.
 
+    Args:
+        lines: The scene, in the world frame; needed for a target pose.
+        target: T_world_camera of the target, or what the camera sees there; None: set_target says it later.
+        options: Every parameter of the controller by its name (docs/reference), nested where it has dots:
+            law="guarded", gain=0.5, detour={"margin": 0.2}.
+
+    Raises:
+        ParameterError: If an option is unknown or not allowed.
+        ObservationError: If the target shows fewer than three usable lines.
+
     Attributes:
         gate: Takes the monitor's statuses; asked where the parameter gate says so.
         warning: What is doubtful about target and parameters, in words, or "".
     """
 
-    def __init__(self, parameters: ControllerParameters) -> None:
+    def __init__(
+        self, lines: LineSet | None = None, target: Pose | LineObservation | None = None, **options: Any
+    ) -> None:
+        given = dict(options)
+        if isinstance(target, Pose):
+            position, orientation = target.translation.tolist(), target.quaternion_xyzw.tolist()
+            given["target"] = {"position": position, "orientation": orientation, **given.get("target", {})}
+        else:
+            given["target"] = {"source": "topic", **given.get("target", {})}
+        self._start(parameters_from_options(ControllerParameters, given, lines))
+        if isinstance(target, LineObservation):
+            self.set_target(target)
+
+    @classmethod
+    def from_parameters(cls, parameters: ControllerParameters) -> ServoController:
+        """Return a controller with the parameters of a node."""
+        controller = cls.__new__(cls)
+        controller._start(parameters)
+        return controller
+
+    def _start(self, parameters: ControllerParameters) -> None:
         self.warning = ""
         self._enabled = True
         self._target: Target | None = None
@@ -41,6 +77,7 @@ class ServoController:
         self._loci: SceneLoci | None = None
         self._check = ConsistencyCheck(None)
         self._seen: LineSet | None = None
+        self._estimator: PoseEstimator | None = None
         self._stamp_filter = StampFilter("features", parameters.features_timeout, parameters.future_tolerance)
         self.gate = StatusGate(Level[parameters.gate_level], parameters.gate_timeout, parameters.future_tolerance)
         self._parameters: ControllerParameters | None = None
@@ -62,6 +99,7 @@ class ServoController:
                 seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
                 target = Target(LineObservation.of_lines(seen), "target pose")
             loci = SceneLoci(parameters.lines()) if parameters.lines_points else None
+            self._estimator = None
         check = self._check
         if loci is not self._loci or parameters.tolerances != check.tolerances:
             check = ConsistencyCheck(None if loci is None else loci.lines, parameters.tolerances)
@@ -135,8 +173,38 @@ class ServoController:
             )
         return check_target(self._loci.singular_set, start, target, detour_options(self.parameters))
 
-    def step(self, observation: LineObservation, stamp: int, now: int) -> Command:
-        """Return the command for an observation.
+    def step(self, observation: LineObservation, time: float, pose: Pose | None = None) -> Command:
+        """Return the command for an observation that is made now; whatever is wrong with it is the command's reason.
+
+        Args:
+            observation: What the camera sees. Image lines alone are lifted to 3-D lines: by the pose, else by the pose
+                that they show themselves.
+            time: Of the observation [s], from any origin.
+            pose: T_world_camera at that time, if it is known.
+        """
+        try:
+            stamp = stamp_from_seconds(time)
+            return self.answer(self._lifted(observation, pose), stamp, stamp)
+        except PlsingError as error:
+            return self.halt(str(error))
+
+    def _lifted(self, observation: LineObservation, pose: Pose | None) -> LineObservation:
+        if observation.lines_camera is not None or not observation.usable_ids:
+            return observation
+        if self._loci is None:
+            raise ObservationError("image lines without 3-D lines need the scene (argument lines), which is not given")
+        if pose is not None:
+            return lift_lines_at(self._loci.lines, pose, observation)
+        if self._estimator is None:
+            self._estimator = PoseEstimator(self._loci.lines)
+        estimate = self._estimator.estimate(observation)
+        verdict = LinesVerdict[estimate.verdict.name] if estimate.T_world_camera is not None else LinesVerdict.GIVEN
+        return replace(
+            lift_lines(self._loci.lines, estimate, observation), verdict=verdict, verdict_reason=estimate.reason
+        )
+
+    def answer(self, observation: LineObservation, stamp: int, now: int) -> Command:
+        """Return the command for an observation with the stamp of its message.
 
         Lines are matched by id; those without a target, unknown to the scene or out of sight are left out. Features
         that contradict themselves or the scene halt.

@@ -4,7 +4,7 @@ from plsing_ros.features.conditioning import Conditioning, conditioning, inverse
 from plsing_ros.features.decomposition import Decomposition, decompose, smallest_over_largest
 from plsing_ros.features.interaction import decompose_interaction, interaction_matrix
 from plsing_ros.features.least_squares import LeastSquaresSolution, feature_error, solve_least_squares
-from plsing_ros.features.observation import LineObservation, LinesVerdict
+from plsing_ros.features.observation import LineObservation, LinesVerdict, project
 from plsing_ros.features.projection import degenerate_projections, image_depth, project_lines
 from plsing_ros.features.rank_basis import rank_basis
 
@@ -22,6 +22,7 @@ __all__ = [
     "image_depth",
     "interaction_matrix",
     "inverse_condition_number",
+    "project",
     "project_lines",
     "rank_basis",
     "smallest_over_largest",

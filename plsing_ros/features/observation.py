@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import enum
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import compress
+from typing import cast
 
 import numpy as np
+import numpy.typing as npt
 
 from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray, checked_array, shaped_array
 from plsing_ros.errors import ObservationError, PlsingError
 from plsing_ros.features.projection import degenerate_projections, have_images, project_lines
-from plsing_ros.geometry import LineSet
+from plsing_ros.geometry import LineSet, Pose
 
 # Trackers round image lines to float32 at worst; a longer deviation from l'_x^2 + l'_y^2 = 1 is another normalisation.
 _NORM_TOLERANCE = 1e-3
+# All rows may be used.
+_ALL = cast("BoolArray", None)
 
 
 class LinesVerdict(enum.IntEnum):
@@ -50,8 +55,8 @@ class LineObservation:
 
     ids: tuple[int, ...]
     image_lines: Array
-    usable: BoolArray
-    lines_camera: LineSet | None
+    usable: BoolArray = _ALL
+    lines_camera: LineSet | None = None
     verdict: LinesVerdict = LinesVerdict.GIVEN
     verdict_reason: str = ""
     usable_ids: tuple[int, ...] = field(init=False, repr=False)
@@ -59,11 +64,13 @@ class LineObservation:
 
     def __post_init__(self) -> None:
         n = len(self.ids)
+        if not isinstance(self.ids, tuple):
+            object.__setattr__(self, "ids", tuple(map(int, self.ids)))
         if len(set(self.ids)) != n:
             repeated = min(i for i, times in Counter(self.ids).items() if times > 1)
             raise ObservationError(f"line id {repeated} occurs more than once in one observation; ids must be distinct")
         image = shaped_array("image_lines", self.image_lines, (n, 3), ObservationError)
-        usable = np.array(self.usable, dtype=bool)
+        usable = np.ones(n, dtype=bool) if self.usable is None else np.array(self.usable, dtype=bool)
         if usable.shape != (n,):
             raise ObservationError(f"usable has shape {usable.shape}, expected ({n},)")
         if not _core.are_image_lines(image, _NORM_TOLERANCE):
@@ -80,6 +87,35 @@ class LineObservation:
         object.__setattr__(self, "usable_image_lines", seen)
         if self.lines_camera is not None and self.lines_camera.ids != self.usable_ids:
             raise ObservationError(f"3-D lines have ids {self.lines_camera.ids}, expected {self.usable_ids}")
+
+    def __str__(self) -> str:
+        rows = [
+            f"  line {i}: " + (f"image line ({', '.join(f'{x:.4g}' for x in row)})" if use else "not usable")
+            for i, row, use in zip(self.ids, self.image_lines.tolist(), self.usable, strict=True)
+        ]
+        lines = "no 3-D lines" if self.lines_camera is None else "3-D lines known"
+        return "\n".join([f"{len(self.ids)} image lines, {len(self.usable_ids)} usable, {lines}", *rows])
+
+    @classmethod
+    def from_image_lines(cls, ids: Sequence[int], image_lines: npt.ArrayLike) -> LineObservation:
+        """Return what a tracker without depth sees: image lines alone, all of them usable.
+
+        Args:
+            ids: One distinct integer for each line.
+            image_lines: Rows l' with l'_x X + l'_y Y + l'_z = 0 on the image plane z = 1, shape (n, 3): of unit length
+                as normals, or with l'_x^2 + l'_y^2 = 1. The sign is that of the line's direction.
+
+        Raises:
+            ObservationError: If a value is not finite, lengths differ, ids repeat, or a row has no direction.
+        """
+        rows = checked_array("image_lines", image_lines, (len(ids), 3), ObservationError)
+        length = np.hypot(rows[:, 0], rows[:, 1])
+        if (length <= 0.0).any():
+            row = int(np.argmin(length))
+            raise ObservationError(
+                f"image line {ids[row]} is {rows[row].tolist()}; with l'_x = l'_y = 0 it is no line in the image"
+            )
+        return cls(tuple(ids), rows / length[:, np.newaxis])
 
     @classmethod
     def of_lines(cls, lines_camera: LineSet) -> LineObservation:
@@ -142,6 +178,14 @@ class LineObservation:
         except PlsingError as error:
             _refuse_if_not_lines(directions, moments, len(ids))
             raise ObservationError(f"3-D lines of the observation: {error}") from None
+
+
+def project(lines: LineSet, T_world_camera: Pose) -> LineObservation:
+    """Return what a camera at a pose sees of lines in the world: ids, image lines, and 3-D lines in the camera.
+
+    Lines whose projection is degenerate (through the camera centre, or in its plane z = 0) are not usable.
+    """
+    return LineObservation.of_lines(lines.transformed(T_world_camera.inverse(), "camera"))
 
 
 def _refuse_if_not_lines(directions: Array, moments: Array, n: int) -> None:

@@ -6,16 +6,16 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array, cross
-from plsing_ros.geometry import LineSet
-from plsing_ros.geometry.pose import checked_position
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.pose import checked_center
 
 
-def rank_basis(lines: LineSet, camera_center: npt.ArrayLike, normalized: bool = False) -> Array:
+def rank_basis(lines: LineSet, pose_or_center: Pose | npt.ArrayLike, normalized: bool = False) -> Array:
     """Return xi, whose rank is that of the interaction matrix for any camera orientation.
 
     Args:
         lines: n lines in some frame.
-        camera_center: Camera centre C in the same frame, shape (3,) [m].
+        pose_or_center: Camera centre C in the same frame, shape (3,) [m], or the camera's pose in it.
         normalized: Scale every row to unit length; a zero row (C on the line) stays zero.
 
     Returns:
@@ -24,11 +24,11 @@ def rank_basis(lines: LineSet, camera_center: npt.ArrayLike, normalized: bool = 
         the lines and about C, that move no image line.
 
     Raises:
-        GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
+        GeometryError: If the centre is not three finite numbers, or beyond 1e50 m.
 
     Source: eq. basiseta and eq. fandmdirections with Q = C.
     """
-    center = checked_position("camera_center", camera_center)
+    center = checked_center("pose_or_center", pose_or_center)
     direction = lines.direction
     # The moment about C is CM x u = -f.
     f = cross(center, direction) - lines.moment

@@ -123,6 +123,14 @@ class LineSet:
     def __len__(self) -> int:
         return len(self.direction)
 
+    def __str__(self) -> str:
+        rows = [
+            f"  line {i}: through ({', '.join(f'{x:.4g}' for x in point)}) m "
+            f"along ({', '.join(f'{x:.4g}' for x in direction)})"
+            for i, point, direction in zip(self.ids, self.point.tolist(), self.direction.tolist(), strict=True)
+        ]
+        return "\n".join([f"{len(self)} lines in frame {self.frame}", *rows])
+
     @cached_property
     def point(self) -> Array:
         """The point of each line closest to the frame's origin, shape (n, 3) [m]."""

@@ -64,12 +64,12 @@ class Pose:
         return cls(rotation_from_quaternion(quaternion), checked_position("translation", translation))
 
     @classmethod
-    def look_at(cls, center: npt.ArrayLike, viewed: npt.ArrayLike, down: npt.ArrayLike = (0.0, 0.0, -1.0)) -> Pose:
+    def look_at(cls, center: npt.ArrayLike, at: npt.ArrayLike, down: npt.ArrayLike = (0.0, 0.0, -1.0)) -> Pose:
         """Return T_world_camera of a camera (optical frame: z forward, y down) whose optical axis passes a point.
 
         Args:
             center: Camera centre in the world, shape (3,) [m].
-            viewed: The point on the optical axis, in the world, shape (3,) [m].
+            at: The point on the optical axis, in the world, shape (3,) [m].
             down: World direction that appears downwards in the image, of any length but zero, shape (3,).
 
         Raises:
@@ -77,7 +77,7 @@ class Pose:
                 not three finite numbers, up to 1e50 m.
         """
         origin = checked_position("center", center)
-        forward = checked_position("viewed", viewed) - origin
+        forward = checked_position("at", at) - origin
         if not np.linalg.norm(forward) > 0.0:
             raise GeometryError(f"the camera at {origin.tolist()} cannot look at its own centre")
         z = forward / np.linalg.norm(forward)
@@ -92,6 +92,11 @@ class Pose:
     def quaternion_xyzw(self) -> Array:
         """The rotation as a unit quaternion (x, y, z, w), shape (4,)."""
         return quaternion_from_rotation(self.rotation)
+
+    def __str__(self) -> str:
+        position = ", ".join(f"{each:.4g}" for each in self.translation)
+        quaternion = ", ".join(f"{each:.4g}" for each in self.quaternion_xyzw)
+        return f"pose: position ({position}) m, quaternion x, y, z, w ({quaternion})"
 
     def inverse(self) -> Pose:
         """Return T_b_a of this T_a_b."""
@@ -150,6 +155,17 @@ def checked_twist(name: str, value: npt.ArrayLike) -> Array:
     if max(map(abs, twist.tolist())) > FARTHEST:
         raise GeometryError(f"{name} is {twist.tolist()}; up to {FARTHEST:.0e} m/s or rad/s can be computed with")
     return twist
+
+
+def checked_center(name: str, pose_or_center: Pose | npt.ArrayLike) -> Array:
+    """Return a camera centre as checked_position does; of a pose T_world_camera its translation, shape (3,) [m].
+
+    Raises:
+        GeometryError: If it is not three finite numbers, or beyond FARTHEST.
+    """
+    if isinstance(pose_or_center, Pose):
+        return pose_or_center.translation
+    return checked_position(name, pose_or_center)
 
 
 def checked_position(name: str, value: npt.ArrayLike) -> Array:

@@ -53,6 +53,10 @@ class Assessment(NamedTuple):
     target_inverse_condition_number: float | None = None
     pose: Pose | None = None
 
+    def __str__(self) -> str:
+        nearest = "" if self.nearest is None else f"; nearest: {self.nearest}"
+        return f"{self.level.name}: {self.reason}{nearest}"
+
     # Words are made when they are asked for: most of them nobody reads.
 
     @property

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array
-from plsing_ros.errors import ObservationError
+from plsing_ros.errors import ObservationError, PlsingError
 from plsing_ros.features import LineObservation, conditioning, decompose_interaction
 from plsing_ros.features.target import MINIMUM_LINES
 from plsing_ros.geometry import LineSet, Pose
@@ -22,8 +24,10 @@ from plsing_ros.monitoring.prediction import Prediction
 from plsing_ros.monitoring.slope import Slope
 from plsing_ros.monitoring.unobservable_motion_text import unobservable_motion_text
 from plsing_ros.parameters import MonitorParameters
+from plsing_ros.parameters.options import parameters_from_options
+from plsing_ros.pose.line_lifting import lift_lines_at
 from plsing_ros.singularities import DistanceArrays, SingularSet, singular_set
-from plsing_ros.stamp_filter import StampFilter
+from plsing_ros.stamp_filter import StampFilter, stamp_from_seconds
 
 _SECOND = 1_000_000_000
 # How far ahead the closest approach is looked for, at least [s].
@@ -34,12 +38,40 @@ _DISABLED = "switched off by ~/enable"
 class SingularityMonitor:
     """Assesses each observation against the singular set of the scene, computed once for each scene.
 
+    Args:
+        lines: The scene, in the world frame.
+        target: T_world_camera of the target, or what the camera sees there; None if it is not known.
+        options: Every parameter of the monitor by its name (docs/reference), nested where it has dots:
+            warn={"transversal_distance": 0.05}.
+
+    Raises:
+        ParameterError: If an option is unknown or not allowed.
+        ObservationError: If the target shows fewer than three usable lines.
+
     Attributes:
         enabled: When False, every answer is DISABLED.
     """
 
-    def __init__(self, parameters: MonitorParameters) -> None:
+    def __init__(self, lines: LineSet, target: Pose | LineObservation | None = None, **options: Any) -> None:
+        given = dict(options)
+        if isinstance(target, Pose):
+            position, orientation = target.translation.tolist(), target.quaternion_xyzw.tolist()
+            pose = {"known": True, "position": position, "orientation": orientation}
+            given["target"] = pose | given.get("target", {})
+        self._start(parameters_from_options(MonitorParameters, given, lines))
+        if isinstance(target, LineObservation):
+            self.set_target(target)
+
+    @classmethod
+    def from_parameters(cls, parameters: MonitorParameters) -> SingularityMonitor:
+        """Return a monitor with the parameters of a node."""
+        monitor = cls.__new__(cls)
+        monitor._start(parameters)
+        return monitor
+
+    def _start(self, parameters: MonitorParameters) -> None:
         self.enabled = True
+        self._latest: Assessment | None = None
         self._stamp_filter = StampFilter("features", parameters.features_timeout, parameters.future_tolerance)
         self._position = CameraPosition()
         self._prediction = Prediction()
@@ -120,8 +152,44 @@ class SingularityMonitor:
         """
         self._prediction.receive_twist(checked_twist("twist", twist), stamp, self._parameters.min_speed)
 
-    def assess(self, observation: LineObservation, stamp: int, now: int) -> Assessment | None:
-        """Return the assessment of an observation, or None if it is refused (too old, out of order) among good ones.
+    def assess(
+        self,
+        observation: LineObservation,
+        time: float,
+        pose: Pose | None = None,
+        twist: npt.ArrayLike | None = None,
+    ) -> Assessment:
+        """Return the assessment of an observation that is made now.
+
+        Args:
+            observation: What the camera sees. Image lines alone are lifted to 3-D lines by the pose.
+            time: Of the observation [s], from any origin. One that is earlier than the last changes nothing.
+            pose: T_world_camera at that time, if it is known.
+            twist: (v, omega) that is commanded in answer, shape (6,) [m/s, rad/s], if it is known.
+
+        Raises:
+            ObservationError: If the time is not a finite number, or beyond 1e9 s.
+        """
+        stamp = stamp_from_seconds(time)
+        if pose is not None:
+            self.receive_pose(pose, stamp)
+            if observation.lines_camera is None and observation.usable_ids:
+                observation = lift_lines_at(self._singular_set.lines, pose, observation)
+        try:
+            if twist is not None:
+                self.receive_twist(twist, stamp)
+            assessment = self.answer(observation, stamp, stamp)
+        except PlsingError as error:
+            assessment = self.unusable(str(error), stamp)
+        if assessment is not None:
+            self._latest = assessment
+        assert self._latest is not None
+        return self._latest
+
+    def answer(self, observation: LineObservation, stamp: int, now: int) -> Assessment | None:
+        """Return the assessment of an observation with the stamp of its message.
+
+        None if it is refused (too old, out of order) among good ones.
 
         Args:
             observation: What the camera sees, with 3-D lines.

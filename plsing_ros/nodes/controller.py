@@ -58,7 +58,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
     def __init__(self, **options: Any) -> None:
         super().__init__("controller", ControllerParameters, **options)
         try:
-            self._servo = ServoController(self.parameters)
+            self._servo = ServoController.from_parameters(self.parameters)
         except PlsingError:
             self.destroy_node()
             raise
@@ -103,7 +103,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         stamp = nanoseconds(message.header.stamp)
         try:
             observation = observation_from_message(message, self.parameters.camera_frame)
-            command = self._servo.step(observation, stamp, self.now())
+            command = self._servo.answer(observation, stamp, self.now())
         except PlsingError as error:
             command = self._servo.halt(str(error))
         self._command(command, stamp)

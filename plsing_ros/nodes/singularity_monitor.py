@@ -49,7 +49,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
     def __init__(self, **options: Any) -> None:
         super().__init__("singularity_monitor", MonitorParameters, **options)
         try:
-            self._monitor = Monitor(self.parameters)
+            self._monitor = Monitor.from_parameters(self.parameters)
         except PlsingError:
             self.destroy_node()
             raise
@@ -105,7 +105,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         stamp = nanoseconds(message.header.stamp)
         try:
             observation = observation_from_message(message, self.parameters.camera_frame)
-            assessment = self._monitor.assess(observation, stamp, self.now())
+            assessment = self._monitor.answer(observation, stamp, self.now())
         except PlsingError as error:
             assessment = self._monitor.unusable(str(error), stamp)
         if assessment is not None:

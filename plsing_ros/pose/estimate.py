@@ -83,6 +83,20 @@ class PoseEstimate:
     reversed_ids: tuple[int, ...]
     first_estimate: Pose | None
 
+    @property
+    def pose(self) -> Pose | None:
+        """T_world_camera."""
+        return self.T_world_camera
+
+    def __str__(self) -> str:
+        if self.T_world_camera is None:
+            return f"{self.verdict.name}: {self.reason}"
+        why = f": {self.reason}" if self.reason else ""
+        return (
+            f"{self.verdict.name}{why}; {self.T_world_camera}; standard deviation at most "
+            f"{self.position_deviation:.2g} m and {self.rotation_deviation:.2g} rad"
+        )
+
 
 def failed_estimate(reason: str) -> PoseEstimate:
     """Return the estimate that says there is no pose, and why."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import compress
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.rotations import rotation_vector
 from plsing_ros.kernels.search import EQUAL, same_pose
+from plsing_ros.parameters.options import parameters_from_options
 from plsing_ros.parameters.pose_estimator import EstimationParameters
 from plsing_ros.pose.covariance import Uncertainty, uncertainty
 from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate
@@ -25,6 +27,22 @@ from plsing_ros.pose.visible_lines import VisibleLines
 _MAX_SCENES = 64
 # Two poses differ when the covariance puts them apart by more than this, squared.
 _APART = 9.0
+
+
+def estimate_pose(lines: LineSet, observation: LineObservation, **options: Any) -> PoseEstimate:
+    """Return the camera pose that one image of known lines shows, and how far it can be trusted.
+
+    Args:
+        lines: The scene, in the world frame.
+        observation: Image lines with ids; 3-D lines in it are not used.
+        options: Every parameter of the estimator by its name (docs/reference), nested where it has dots:
+            noise={"image": 1e-3}.
+
+    Raises:
+        ObservationError: If a line is not in the scene.
+        ParameterError: If an option is unknown or not allowed.
+    """
+    return PoseEstimator(lines, parameters_from_options(EstimationParameters, options)).estimate(observation)
 
 
 class PoseEstimator:

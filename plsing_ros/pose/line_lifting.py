@@ -5,9 +5,29 @@ from __future__ import annotations
 import numpy as np
 
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import LineObservation
-from plsing_ros.geometry import LineSet
+from plsing_ros.features import LineObservation, degenerate_projections
+from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.pose.estimate import PoseEstimate
+
+
+def lift_lines_at(lines_world: LineSet, T_world_camera: Pose, observation: LineObservation) -> LineObservation:
+    """Return image lines completed with their 3-D lines in the camera frame, at a pose that is known.
+
+    Args:
+        lines_world: The scene.
+        T_world_camera: The camera's pose.
+        observation: Image lines; those that are not in the scene, or have no image at the pose, become unusable.
+    """
+    row_of = {i: row for row, i in enumerate(lines_world.ids)}
+    T_camera_world = T_world_camera.inverse()
+    rows = [row_of[i] for i in observation.usable_ids if i in row_of]
+    seen = lines_world.select(rows).transformed(T_camera_world, "camera") if rows else None
+    if seen is not None:
+        kept = np.flatnonzero(~degenerate_projections(seen))
+        seen = seen.select(kept) if len(kept) else None
+    known = () if seen is None else seen.ids
+    usable = np.array([use and i in known for i, use in zip(observation.ids, observation.usable, strict=True)], bool)
+    return LineObservation(observation.ids, observation.image_lines, usable, seen)
 
 
 def lift_lines(lines_world: LineSet, estimate: PoseEstimate, observation: LineObservation) -> LineObservation:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.control.servo_controller import Command, ServoController
 from plsing_ros.errors import PlsingError
-from plsing_ros.features import LineObservation
 from plsing_ros.parameters import ControllerParameters, SimulatorParameters
 from plsing_ros.simulation.run_record import RunRecord
 from plsing_ros.simulation.servo_task import LOST, ServoTask
-from plsing_ros.simulation.simulation import Simulation
+from plsing_ros.simulation.simulation import Frame, Simulation
 
 
 class RunRows:
@@ -67,23 +68,40 @@ def run_in_core(task: ServoTask) -> RunRecord:
     """
     parameters = SimulatorParameters.from_values(task.simulator_values())
     simulation = Simulation(parameters)
-    servo = ServoController(ControllerParameters.from_values(task.controller_values()))
+    servo = ServoController.from_parameters(ControllerParameters.from_values(task.controller_values()))
     rows = RunRows(task)
-    while not rows.ended:
-        frame = simulation.frame()
+
+    def retarget() -> None:
         if task.moving:
             servo.set_target(task.target_observation(len(rows) * task.time_step, parameters.camera_frame))
-        command = _answer(servo, frame.observation, frame.stamp)
+
+    for frame, command in servo_frames(simulation, servo, retarget):
         rows.add(frame.T_world_camera.translation, command.twist, command.error_norm, command.inverse_condition_number)
-        simulation.receive_twist(command.twist, frame.stamp)
-        if not simulation.step_in_lockstep():
-            rows.ended = rows.ended or f"lost: {simulation.frame().reason}"
+        if rows.ended:
+            break
+    else:
+        rows.ended = f"lost: {simulation.frame().reason}"
     return rows.record()
 
 
-def _answer(servo: ServoController, observation: LineObservation, stamp: int) -> Command:
-    # As the node does.
-    try:
-        return servo.step(observation, stamp, stamp)
-    except PlsingError as error:
-        return servo.halt(str(error))
+def servo_frames(
+    simulation: Simulation, servo: ServoController, before_frame: Callable[[], None] = lambda: None
+) -> Iterator[tuple[Frame, Command]]:
+    """Yield each frame of a simulation in lockstep with the controller's answer to it, until the camera is lost.
+
+    Args:
+        simulation: In mode lockstep.
+        servo: The controller, which answers as its node does.
+        before_frame: Called before each answer.
+    """
+    while True:
+        frame = simulation.frame()
+        before_frame()
+        try:
+            command = servo.answer(frame.observation, frame.stamp, frame.stamp)
+        except PlsingError as error:
+            command = servo.halt(str(error))
+        yield frame, command
+        simulation.receive_twist(command.twist, frame.stamp)
+        if not simulation.step_in_lockstep():
+            return

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array
+from plsing_ros.arrays import Array, vector_text
 from plsing_ros.singularities.loci import Kind
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.screw_axes import FlatSet
@@ -32,6 +32,13 @@ class Curve:
     name: str
     frame: SceneFrame
     flat: FlatSet
+
+    def __str__(self) -> str:
+        where = f"through {vector_text(self.point)} m"
+        if self.kind is Kind.STRAIGHT_LINE:
+            return f"{self.name}: {where} along {vector_text(self.axes[0])}"
+        first, second = self.axes
+        return f"{self.name}: in the plane {where} spanned by {vector_text(first)} and {vector_text(second)}"
 
     @property
     def point(self) -> Array:

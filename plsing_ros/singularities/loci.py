@@ -39,6 +39,10 @@ class LocusDistance(NamedTuple):
     distance: float
     closest_point: Array
 
+    def __str__(self) -> str:
+        point = ", ".join(f"{x:.4g}" for x in self.closest_point)
+        return f"{self.distance:.4g} m from {self.name}, at ({point}) m"
+
 
 class DistanceArrays(NamedTuple):
     """All distances from one camera centre, in the order of SingularSet.locus_names.

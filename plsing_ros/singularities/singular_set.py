@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros import _core
-from plsing_ros.arrays import Array
+from plsing_ros.arrays import Array, vector_text
 from plsing_ros.errors import GeometryError
-from plsing_ros.geometry import LineSet
-from plsing_ros.geometry.pose import FARTHEST, checked_position
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.pose import FARTHEST, checked_center
 from plsing_ros.singularities.cases import Case, classify
 from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.degenerate_scenes import distinct_rows, singular_everywhere_reason
@@ -90,6 +90,19 @@ class SingularSet:
             parts.append(f"{count} ({self.isolated_status}).")
         return " ".join([*parts, self.note]).rstrip(" ;")
 
+    def __str__(self) -> str:
+        rows = [self.description, ""]
+        for transversal in self.transversals:
+            rows.append(
+                f"{transversal.name}: through {vector_text(transversal.point)} m along "
+                f"{vector_text(transversal.direction)}, residual {transversal.residual:.1e}"
+            )
+        for number, (point, residual) in enumerate(
+            zip(self.isolated_points.tolist(), self.isolated_point_residuals, strict=True), start=1
+        ):
+            rows.append(f"isolated point {number}: {vector_text(point)} m, residual {residual:.1e}")
+        return "\n".join([*rows, *map(str, self.surfaces), *map(str, self.curves)])
+
     @cached_property
     def locus_names(self) -> tuple[str, ...]:
         """Names of the transversals, isolated points, observed lines, surfaces and curves, in this order."""
@@ -121,18 +134,18 @@ class SingularSet:
         no_direction = np.zeros_like(points)
         return np.concatenate([point, points, lines.point]), np.concatenate([direction, no_direction, lines.direction])
 
-    def distance_arrays(self, camera_center: npt.ArrayLike) -> DistanceArrays:
+    def distance_arrays(self, pose_or_center: Pose | npt.ArrayLike) -> DistanceArrays:
         """Return the distances to all parts of the set in the order of locus_names; for every control cycle.
 
         The order never changes for one set: transversals, isolated points, observed lines, surfaces, curves.
 
         Args:
-            camera_center: In the frame of the lines, shape (3,) [m].
+            pose_or_center: The camera centre in the frame of the lines, shape (3,) [m], or T_world_camera.
 
         Raises:
-            GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
+            GeometryError: If the centre is not three finite numbers, or beyond 1e50 m.
         """
-        center = checked_position("camera_center", camera_center)
+        center = checked_center("pose_or_center", pose_or_center)
         point, direction = self.lines_and_points
         closest, distance = _core.closest_points(point, direction, center)
         if self.surfaces or self.curves:
@@ -142,33 +155,33 @@ class SingularSet:
             distance = np.concatenate([distance, np.linalg.norm(closest[len(distance) :] - center, axis=1)])
         return DistanceArrays(distance, closest)
 
-    def distances(self, camera_center: npt.ArrayLike) -> list[LocusDistance]:
+    def distances(self, pose_or_center: Pose | npt.ArrayLike) -> list[LocusDistance]:
         """Return the distances to all parts of the set, nearest first; equal ones in the order of locus_names.
 
         Args:
-            camera_center: In the frame of the lines, shape (3,) [m].
+            pose_or_center: The camera centre in the frame of the lines, shape (3,) [m], or T_world_camera.
 
         Raises:
-            GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
+            GeometryError: If the centre is not three finite numbers, or beyond 1e50 m.
         """
-        arrays = self.distance_arrays(camera_center)
+        arrays = self.distance_arrays(pose_or_center)
         distance = arrays.distance.tolist()
         return [
             LocusDistance(self.locus_kinds[i], self.locus_names[i], distance[i], arrays.closest_point[i])
             for i in sorted(range(len(distance)), key=distance.__getitem__)
         ]
 
-    def nearest_locus(self, camera_center: npt.ArrayLike) -> LocusDistance | None:
+    def nearest_locus(self, pose_or_center: Pose | npt.ArrayLike) -> LocusDistance | None:
         """Return the distance to the nearest part other than the observed lines, or None if there is none.
 
         Args:
-            camera_center: In the frame of the lines, shape (3,) [m].
+            pose_or_center: The camera centre in the frame of the lines, shape (3,) [m], or T_world_camera.
 
         Raises:
-            GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
+            GeometryError: If the centre is not three finite numbers, or beyond 1e50 m.
         """
         rows = [i for i, kind in enumerate(self.locus_kinds) if kind is not Kind.OBSERVED_LINE]
-        arrays = self.distance_arrays(camera_center)
+        arrays = self.distance_arrays(pose_or_center)
         if not rows:
             return None
         i = min(rows, key=arrays.distance.__getitem__)
@@ -181,9 +194,9 @@ class SingularSet:
         """The line that comes nearest to meeting all lines, with how far it misses each."""
         return nearest_transversal(SceneFrame.of(self.lines))
 
-    def unobservable_motions(self, camera_center: npt.ArrayLike) -> tuple[UnobservableMotion, ...]:
+    def unobservable_motions(self, pose_or_center: Pose | npt.ArrayLike) -> tuple[UnobservableMotion, ...]:
         """Return the motions that move no image line at a camera centre, see unobservable_motions."""
-        return unobservable_motions(self.lines, camera_center)
+        return unobservable_motions(self.lines, pose_or_center)
 
 
 def singular_set(lines: LineSet) -> SingularSet:

@@ -9,7 +9,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array, cross
+from plsing_ros.arrays import Array, checked_array, cross, vector_text
 from plsing_ros.geometry.pose import checked_position
 from plsing_ros.singularities.bilinear_system import minus_skew
 from plsing_ros.singularities.loci import Kind
@@ -44,6 +44,12 @@ class Surface:
     name: str
     frame: SceneFrame
     tensor: Array
+
+    def __str__(self) -> str:
+        if self.kind is not Kind.PLANE:
+            return f"{self.name}: degree {self.degree}"
+        constant, *normal = self.coefficients / np.linalg.norm(self.coefficients[1:])
+        return f"{self.name}: {vector_text(normal)} . C = {-constant:.6g} m"
 
     @property
     def degree(self) -> int:

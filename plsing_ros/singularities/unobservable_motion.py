@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array, cross
-from plsing_ros.geometry import LineSet
-from plsing_ros.geometry.pose import checked_position
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.pose import checked_center
 from plsing_ros.singularities.residual import normalized_rank_basis
 
 # Share of the largest singular value of the row-normalised xi up to which a motion counts as invisible.
@@ -58,22 +58,22 @@ class UnobservableMotion:
         return f"{text} about an axis through ({point}), pitch {self.pitch:.4g} m/rad"
 
 
-def unobservable_motions(lines: LineSet, camera_center: npt.ArrayLike) -> tuple[UnobservableMotion, ...]:
+def unobservable_motions(lines: LineSet, pose_or_center: Pose | npt.ArrayLike) -> tuple[UnobservableMotion, ...]:
     """Return a basis of the motions that move no image line: translations first, as many as there are.
 
     Args:
         lines: The observed lines.
-        camera_center: In the frame of the lines, shape (3,) [m].
+        pose_or_center: The camera centre in the frame of the lines, shape (3,) [m], or T_world_camera.
 
     Returns:
         None at a regular centre, one at a general singular one, more at special ones.
 
     Raises:
-        GeometryError: If camera_center is not three finite numbers, or beyond 1e50 m.
+        GeometryError: If the centre is not three finite numbers, or beyond 1e50 m.
 
     Source: remarks kern and singll, with the xi of docs/theory.md.
     """
-    center = checked_position("camera_center", camera_center)
+    center = checked_center("pose_or_center", pose_or_center)
     point = lines.point
     distance = float(np.sqrt((cross(point - center, lines.direction) ** 2).sum(axis=1).mean()))
     unit = distance if distance > 0.0 else 1.0

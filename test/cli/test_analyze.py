@@ -31,7 +31,7 @@ def test_a_file_that_cannot_be_read_is_one_line(capsys):
 
 def test_a_camera_that_is_nowhere_is_refused(capsys):
     assert main([PAPER, "--at", "nan", "0", "0"]) == 1
-    assert "camera_center[0] is nan" in capsys.readouterr().err
+    assert "--at[0] is nan" in capsys.readouterr().err
 
 
 def test_proofs_are_printed_on_request(capsys):

@@ -48,7 +48,7 @@ def answers(servo, first, pose=START, verdict=LinesVerdict.GIVEN, late=0, frames
     for k in range(first, first + frames):
         stamp = NOW + k * STEP
         servo.gate.receive(int(Level.WARN), "near", stamp - 5 * 10**6, stamp)
-        command = servo.step(seen(pose, verdict, **off), stamp, stamp + late)
+        command = servo.answer(seen(pose, verdict, **off), stamp, stamp + late)
         result.append((command.mode, command.reason, *command.output, command.scale, command.gain))
     return result
 
@@ -113,7 +113,7 @@ def servo_with(values):
         "target.position": tuple(TARGET.translation),
         "target.orientation": tuple(TARGET.quaternion_xyzw),
     }
-    return ServoController(ControllerParameters.from_values({**scene, **task, **values}))
+    return ServoController.from_parameters(ControllerParameters.from_values({**scene, **task, **values}))
 
 
 @pytest.mark.parametrize(("name", "value", "others", "situation"), CASES, ids=[case[0] for case in CASES])

@@ -49,12 +49,12 @@ def servo_with(law, **values):
         "max_linear_speed": 0.0,
         "max_angular_speed": 0.0,
     }
-    return ServoController(ControllerParameters.from_values({**task, "law": law, **values}))
+    return ServoController.from_parameters(ControllerParameters.from_values({**task, "law": law, **values}))
 
 
 def answer(servo, observation):
     try:
-        return servo.step(observation, NOW, NOW)
+        return servo.answer(observation, NOW, NOW)
     except ObservationError as error:
         return servo.halt(str(error))
 

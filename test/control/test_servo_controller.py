@@ -33,7 +33,7 @@ SCENE = (
 
 
 def servo_for(lines, T_world_target, **values):
-    return ServoController(
+    return ServoController.from_parameters(
         ControllerParameters(
             lines_points=lines.point.ravel(),
             lines_directions=lines.direction.ravel(),
@@ -54,10 +54,10 @@ def test_a_small_step_reduces_the_error(in_camera, target, offset):
     lines = in_camera.transformed(start, "world")
     assume(inverse_condition_number(interaction_matrix(in_camera)) > 1e-3)
     servo = servo_for(lines, target)
-    before = servo.step(observation(lines, start), NOW, NOW)
+    before = servo.answer(observation(lines, start), NOW, NOW)
     assume(before.error_norm > 1e-5)
     moved = start.integrate(before.twist, 1.0)  # 1 s at lambda = 0.1
-    after = servo.step(observation(lines, moved), NOW, NOW)
+    after = servo.answer(observation(lines, moved), NOW, NOW)
     assert after.error_norm < 0.95 * before.error_norm
 
 
@@ -67,7 +67,7 @@ def test_the_twist_is_proportional_to_the_gain(in_camera, start, offset, gain):
     target = start.integrate(offset, 1.0)
     free = {"max_linear_speed": 0.0, "max_angular_speed": 0.0}
     one, other = (
-        servo_for(lines, target, gain=g, **free).step(observation(lines, start), NOW, NOW).twist for g in (1.0, gain)
+        servo_for(lines, target, gain=g, **free).answer(observation(lines, start), NOW, NOW).twist for g in (1.0, gain)
     )
     np.testing.assert_allclose(other, gain * one, rtol=1e-9, atol=1e-12)
 
@@ -105,7 +105,7 @@ def assert_safe(command, parameters):
 
 def answer(servo, make_observation, stamp, now):
     try:
-        return servo.step(make_observation(), stamp, now)
+        return servo.answer(make_observation(), stamp, now)
     except PlsingError as error:
         return servo.halt(str(error))
 
@@ -175,7 +175,7 @@ def test_an_error_whose_twist_no_number_can_tell_halts_and_a_large_one_does_not(
     far = LineObservation(seen.ids, seen.image_lines * [1, 1, 0] + [0, 0, size], seen.usable, None)
     servo = servo_for(lines, target, law=law, target_source="topic", max_linear_speed=0.1, max_angular_speed=0.1)
     servo.set_target(far)
-    command = servo.step(seen, NOW, NOW)
+    command = servo.answer(seen, NOW, NOW)
     assert_safe(command, servo.parameters)
     if size < 1e300:
         assert command.mode is Mode.SERVOING
@@ -191,7 +191,7 @@ def test_an_error_whose_twist_no_number_can_tell_halts_and_a_large_one_does_not(
 @example(stamp=-1, now=0)
 def test_whatever_the_stamp_the_twist_is_finite(stamp, now):
     servo = servo_for(*SCENE)
-    command = servo.step(observation(SCENE[0], SCENE[1].integrate([0.1, 0, 0, 0, 0, 0], 1.0)), stamp, now)
+    command = servo.answer(observation(SCENE[0], SCENE[1].integrate([0.1, 0, 0, 0, 0, 0], 1.0)), stamp, now)
     assert_safe(command, servo.parameters)
     assert command.mode.moves == (stamp > 0 and -int(1e8) <= now - stamp <= int(2e8))
 
@@ -200,9 +200,9 @@ def test_changed_parameters_act_at_the_next_step_and_bad_ones_change_nothing():
     lines, target = SCENE
     servo = servo_for(lines, target)
     start = target.integrate([0.1, 0, 0, 0, 0, 0], 1.0)
-    before = servo.step(observation(lines, start), NOW, NOW).twist
+    before = servo.answer(observation(lines, start), NOW, NOW).twist
     servo.parameters = servo.parameters.with_values({"gain": 0.2})
-    np.testing.assert_allclose(servo.step(observation(lines, start), NOW, NOW).twist, 2.0 * before)
+    np.testing.assert_allclose(servo.answer(observation(lines, start), NOW, NOW).twist, 2.0 * before)
     in_a_line_of_three = {
         "lines.points": servo.parameters.lines_points[:9],
         "lines.directions": servo.parameters.lines_directions[:9],
@@ -210,7 +210,7 @@ def test_changed_parameters_act_at_the_next_step_and_bad_ones_change_nothing():
     }
     with pytest.raises(PlsingError, match="target pose: only 2 usable"):
         servo.parameters = servo.parameters.with_values(in_a_line_of_three)
-    np.testing.assert_allclose(servo.step(observation(lines, start), NOW, NOW).twist, 2.0 * before)
+    np.testing.assert_allclose(servo.answer(observation(lines, start), NOW, NOW).twist, 2.0 * before)
 
 
 def start_pose(number):
@@ -228,7 +228,7 @@ def run_from(number, most, **values):
         if distance[-1] <= near_transversal.ARRIVED:
             break
         now = NOW + round(k * TIME_STEP * 1e9)
-        command = servo.step(observation(lines, pose), now, now)
+        command = servo.answer(observation(lines, pose), now, now)
         assert_safe(command, servo.parameters)
         speed.append(np.linalg.norm(command.twist[:3]))
         pose = pose.integrate(command.twist, TIME_STEP)
@@ -257,8 +257,8 @@ def test_guarded_leaves_a_healthy_task_as_it_is(number):
     pose = start_pose(number)
     for _ in range(60):
         now = observation(lines, pose)
-        command = guarded.step(now, NOW, NOW)
-        np.testing.assert_array_equal(command.twist, plain.step(now, NOW, NOW).twist)
+        command = guarded.answer(now, NOW, NOW)
+        np.testing.assert_array_equal(command.twist, plain.answer(now, NOW, NOW).twist)
         assert (command.scale, command.saturated) == (1.0, False)
         distance.append(np.linalg.norm(pose.translation - target.translation))
         pose = pose.integrate(command.twist, 1.0)
@@ -298,7 +298,7 @@ def test_the_plain_law_is_that_of_numpy(number):
     seen, desired = (lines.transformed(each.inverse(), "camera") for each in (start_pose(number), target))
     error = project_lines(seen) - project_lines(desired)
     expected = -0.1 * (np.linalg.pinv(interaction_matrix(seen), rcond=1e-12) @ error)
-    twist = servo.step(LineObservation.of_lines(seen), NOW, NOW).twist
+    twist = servo.answer(LineObservation.of_lines(seen), NOW, NOW).twist
     np.testing.assert_allclose(twist, expected, rtol=1e-9, atol=1e-13)
 
 
@@ -306,12 +306,12 @@ def test_a_target_on_a_transversal_is_refused_or_accepted_on_request():
     lines, target = SCENE
     on_it = Pose(target.rotation, singular_set(lines).transversals[0].point)
     servo = servo_for(lines, on_it)
-    command = servo.step(observation(lines, start_pose(1)), NOW, NOW)
+    command = servo.answer(observation(lines, start_pose(1)), NOW, NOW)
     assert command.mode is Mode.REFUSED and np.all(command.twist == 0.0)
     assert "target.min_inverse_condition_number 1e-06" in command.reason
     assert "m from transversal 1" in command.reason
     servo.parameters = servo.parameters.with_values({"target.min_inverse_condition_number": 0.0})
-    assert servo.step(observation(lines, start_pose(1)), NOW, NOW).mode is Mode.SERVOING
+    assert servo.answer(observation(lines, start_pose(1)), NOW, NOW).mode is Mode.SERVOING
 
 
 def test_a_threshold_that_stops_the_task_short_is_warned_of():
@@ -336,14 +336,14 @@ def test_a_target_that_no_pose_reaches_is_a_stall():
     modes = []
     for k in range(100):
         now = NOW + k * 4 * 10**7
-        command = servo.step(observation(lines, pose), now, now)
+        command = servo.answer(observation(lines, pose), now, now)
         pose = pose.integrate(command.twist, 0.04)
         modes.append(command.mode)
     assert modes[0] is Mode.SERVOING and modes[-1] is Mode.STALLED
     assert command.error_norm > 0.1
     assert "a local minimum, or a target that no camera pose reaches" in command.reason
     servo.set_target(desired)
-    assert servo.step(observation(lines, pose), now, now).mode is Mode.SERVOING  # a stall can be left
+    assert servo.answer(observation(lines, pose), now, now).mode is Mode.SERVOING  # a stall can be left
 
 
 @pytest.mark.parametrize(
@@ -359,8 +359,8 @@ def test_a_target_that_no_pose_reaches_is_a_stall():
 )
 def test_estimated_lines_are_trusted_as_far_as_they_say(verdict, values, mode, scale):
     seen = dataclasses.replace(observation(SCENE[0], start_pose(1)), verdict=verdict, verdict_reason="two poses fit")
-    plain = servo_for(*SCENE).step(observation(SCENE[0], start_pose(1)), NOW, NOW).twist
-    command = servo_for(*SCENE, **values).step(seen, NOW, NOW)
+    plain = servo_for(*SCENE).answer(observation(SCENE[0], start_pose(1)), NOW, NOW).twist
+    command = servo_for(*SCENE, **values).answer(seen, NOW, NOW)
     assert command.mode is mode
     if mode is Mode.HALTED:
         assert command.reason == f"3-D lines are {verdict.name}: two poses fit"
@@ -373,7 +373,7 @@ def test_degrees_of_freedom_that_are_not_used_stay_at_rest_and_the_rest_does_its
     lines, target = SCENE
     used = [0, 1, 3, 5]
     servo = servo_for(lines, target, degrees_of_freedom=(1, 1, 0, 1, 0, 1))
-    command = servo.step(observation(lines, start_pose(1)), NOW, NOW)
+    command = servo.answer(observation(lines, start_pose(1)), NOW, NOW)
     seen, desired = (lines.transformed(each.inverse(), "camera") for each in (start_pose(1), target))
     error = project_lines(seen) - project_lines(desired)
     best = np.linalg.lstsq(interaction_matrix(seen)[:, used], error, rcond=None)[0]
@@ -393,7 +393,7 @@ def test_the_integral_removes_what_a_moving_target_leaves_behind():
             now = NOW + k * 4 * 10**7
             moving = moving.integrate([0.01, 0.0, 0.0, 0.0, 0.0, 0.0], 0.04)
             servo.set_target(observation(lines, moving))
-            pose = pose.integrate(servo.step(observation(lines, pose), now, now).twist, 0.04)
+            pose = pose.integrate(servo.answer(observation(lines, pose), now, now).twist, 0.04)
         return np.linalg.norm(pose.translation - moving.translation)
 
     assert lag() == pytest.approx(0.01, rel=0.1)  # speed over gain

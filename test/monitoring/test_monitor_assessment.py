@@ -33,7 +33,7 @@ def monitor_for(target=None, scene=SCENE, **values):
     if target is not None:
         parameters |= {"target.known": True, "target.position": target.translation}
         parameters |= {"target.orientation": target.quaternion_xyzw}
-    return SingularityMonitor(
+    return SingularityMonitor.from_parameters(
         MonitorParameters.from_values(parameters | {name.replace("__", "."): value for name, value in values.items()})
     )
 
@@ -54,7 +54,7 @@ def servo(monitor, start, target, frames, with_pose=False):
         lines = SCENE.transformed(pose.inverse(), "camera")
         if with_pose:
             monitor.receive_pose(pose, stamp)
-        found.append(monitor.assess(LineObservation.of_lines(lines), stamp, stamp))
+        found.append(monitor.answer(LineObservation.of_lines(lines), stamp, stamp))
         twist = -0.1 * np.linalg.lstsq(interaction_matrix(lines), project_lines(lines) - desired, rcond=None)[0]
         monitor.receive_twist(twist, stamp)
         pose = pose.integrate(twist, 0.04)
@@ -62,13 +62,13 @@ def servo(monitor, start, target, frames, with_pose=False):
 
 
 def test_the_healthy_goal_of_the_paper_is_not_alerted_once_it_is_known():
-    assert monitor_for(prediction__rollout_rules=False).assess(seen(TARGET), NOW, NOW).level is Level.WARN
-    known = monitor_for(TARGET).assess(seen(TARGET), NOW, NOW)
+    assert monitor_for(prediction__rollout_rules=False).answer(seen(TARGET), NOW, NOW).level is Level.WARN
+    known = monitor_for(TARGET).answer(seen(TARGET), NOW, NOW)
     assert known.level is Level.OK
     assert known.target_inverse_condition_number == pytest.approx(inverse_at(TARGET)) == pytest.approx(4.1e-4, rel=0.02)
     by_topic = monitor_for()
     by_topic.set_target(seen(TARGET))
-    assert by_topic.assess(seen(TARGET), NOW, NOW).level is Level.OK
+    assert by_topic.answer(seen(TARGET), NOW, NOW).level is Level.OK
 
 
 def test_a_goal_without_lines_in_space_is_refused():
@@ -90,7 +90,7 @@ def test_lost_lines_are_compared_with_the_goal_of_the_same_lines():
     three = LineObservation.of_lines(seen(START).lines_camera.select([0, 1, 3]))
     L = interaction_matrix(seen(TARGET).lines_camera.select([0, 1, 3]))
     expected = inverse_condition_number(L)
-    assert monitor.assess(three, NOW, NOW).target_inverse_condition_number == pytest.approx(expected)
+    assert monitor.answer(three, NOW, NOW).target_inverse_condition_number == pytest.approx(expected)
 
 
 def test_start_2_is_announced_before_the_speed_grows_and_before_any_threshold():
@@ -106,7 +106,7 @@ def test_start_2_is_announced_before_the_speed_grows_and_before_any_threshold():
 @pytest.mark.parametrize("with_pose", [True, False])
 def test_start_2_is_announced_as_well_to_a_monitor_that_does_not_know_the_goal(with_pose):
     known, unknown = monitor_for(TARGET), monitor_for()
-    assert unknown.assess(seen(START_2), NOW - SECOND, NOW - SECOND).target_inverse_condition_number is None
+    assert unknown.answer(seen(START_2), NOW - SECOND, NOW - SECOND).target_inverse_condition_number is None
     first = []
     for monitor in (known, unknown):
         found = servo(monitor, START_2, TARGET, 220, with_pose)
@@ -119,7 +119,7 @@ def test_a_speed_that_passes_zero_is_no_new_start():
     """A camera that only turns for an instant: growth still refers to the speed at the start of the motion."""
     monitor = monitor_for(TARGET)
     for i in range(30):
-        monitor.assess(seen(START), NOW + i * STEP, NOW + i * STEP)
+        monitor.answer(seen(START), NOW + i * STEP, NOW + i * STEP)
         monitor.receive_twist([0.1 if i != 20 else 1e-5, 0, 0, 0, 0.1, 0], NOW + i * STEP)
     assert monitor._prediction._first_speed == pytest.approx(0.1)
     for i in range(30, 60):
@@ -149,11 +149,11 @@ def test_no_level_is_better_than_the_lines_it_rests_on(verdict, expected):
     monitor = monitor_for(TARGET)
     doubtful = replace(seen(START), verdict=verdict, verdict_reason="the pose has two solutions")
     for i in range(3):
-        found = monitor.assess(doubtful, NOW + i * STEP, NOW + i * STEP)
+        found = monitor.answer(doubtful, NOW + i * STEP, NOW + i * STEP)
     assert found.level is expected
     if expected is not Level.OK:
         assert f"trust in the 3-D lines ({verdict.name}: the pose has two solutions)" in found.reason
-    levels = [monitor.assess(seen(START), NOW + i * STEP, NOW + i * STEP).level for i in range(3, 40)]
+    levels = [monitor.answer(seen(START), NOW + i * STEP, NOW + i * STEP).level for i in range(3, 40)]
     assert levels[-1] is Level.OK
     assert monitor.assess_pose(START).level is Level.OK
 
@@ -170,7 +170,7 @@ def test_without_a_goal_the_approach_itself_warns():
     for i in range(40):
         pose = Pose(LOOK, ON_TRANSVERSAL - (0.4 - 0.008 * i) * across)
         monitor.receive_twist(np.concatenate([LOOK.T @ across * 0.2, np.zeros(3)]), NOW + i * STEP)
-        found = monitor.assess(seen(pose), NOW + i * STEP, NOW + i * STEP)
+        found = monitor.answer(seen(pose), NOW + i * STEP, NOW + i * STEP)
         levels.append(found.level)
         times.append(found.approach.time)
     assert levels[0] is Level.OK and levels[-1] is Level.WARN
@@ -180,10 +180,10 @@ def test_without_a_goal_the_approach_itself_warns():
 
 def test_the_position_comes_from_the_pose_or_else_from_the_lines():
     monitor = monitor_for()
-    alone = monitor.assess(seen(START), NOW, NOW)
+    alone = monitor.answer(seen(START), NOW, NOW)
     assert alone.position_source == "features" and "no recent camera_pose" in alone.reason
     monitor.receive_pose(START, NOW)
-    posed = monitor.assess(seen(START), NOW, NOW)
+    posed = monitor.answer(seen(START), NOW, NOW)
     assert posed.position_source == "camera_pose"
     np.testing.assert_allclose(alone.locus_distances, posed.locus_distances, atol=1e-6)
 
@@ -191,7 +191,7 @@ def test_the_position_comes_from_the_pose_or_else_from_the_lines():
 def test_lines_of_another_scene_give_no_position():
     generator = np.random.default_rng(3)
     other = LineSet.from_points_directions(generator.normal(size=(4, 3)), generator.normal(size=(4, 3)))
-    found = monitor_for().assess(seen(Pose(np.eye(3), np.array([0, 0, -5.0])), other), NOW, NOW)
+    found = monitor_for().answer(seen(Pose(np.eye(3), np.array([0, 0, -5.0])), other), NOW, NOW)
     assert found.position_source == "" and found.locus_distances is None and found.trend is Trend.UNKNOWN
     assert "do not fit the scene" in found.reason
 
@@ -199,8 +199,8 @@ def test_lines_of_another_scene_give_no_position():
 @settings(max_examples=20)
 @given(order=st.permutations(range(4)))
 def test_the_order_of_lines_does_not_matter(order):
-    straight = monitor_for(TARGET).assess(seen(START), NOW, NOW)
-    found = monitor_for(TARGET).assess(LineObservation.of_lines(seen(START).lines_camera.select(order)), NOW, NOW)
+    straight = monitor_for(TARGET).answer(seen(START), NOW, NOW)
+    found = monitor_for(TARGET).answer(LineObservation.of_lines(seen(START).lines_camera.select(order)), NOW, NOW)
     np.testing.assert_allclose(found.locus_distances, straight.locus_distances, atol=1e-6)
     assert found.target_inverse_condition_number == pytest.approx(straight.target_inverse_condition_number)
 
@@ -213,28 +213,28 @@ def test_a_reversed_line_is_named(with_pose):
     lines = seen(START).lines_camera
     sign = np.array([[1.0], [1.0], [-1.0], [1.0]])
     turned = LineObservation.of_lines(LineSet(lines.direction * sign, lines.moment * sign, "camera", lines.ids))
-    found = monitor.assess(turned, NOW, NOW)
+    found = monitor.answer(turned, NOW, NOW)
     assert found.level is Level.UNOBSERVABLE and "line 3 is reversed with respect to the scene" in found.reason
-    assert monitor.assess(seen(START), NOW + STEP, NOW + STEP).level is not Level.UNOBSERVABLE
+    assert monitor.answer(seen(START), NOW + STEP, NOW + STEP).level is not Level.UNOBSERVABLE
 
 
 def test_a_clock_that_jumps_back_starts_anew():
     monitor = monitor_for()
     monitor.receive_pose(START, NOW)
-    monitor.assess(seen(START), NOW, NOW)
+    monitor.answer(seen(START), NOW, NOW)
     back = NOW - 100 * SECOND
-    found = monitor.assess(seen(START), back, back)
+    found = monitor.answer(seen(START), back, back)
     assert found.position_source == "features" and found.inverse_condition_number_rate is None
-    assert monitor.assess(seen(START), back + STEP, back + STEP).inverse_condition_number_rate is not None
+    assert monitor.answer(seen(START), back + STEP, back + STEP).inverse_condition_number_rate is not None
 
 
 def test_switched_off_is_said_at_every_occasion():
     monitor = monitor_for()
     monitor.enabled = False
-    for found in (monitor.assess(seen(START), NOW, NOW), monitor.silence(NOW), monitor.unusable("x", NOW)):
+    for found in (monitor.answer(seen(START), NOW, NOW), monitor.silence(NOW), monitor.unusable("x", NOW)):
         assert found.level is Level.DISABLED and found.reason == "switched off by ~/enable"
     monitor.enabled = True
-    assert monitor.assess(seen(START), NOW, NOW).level is not Level.DISABLED
+    assert monitor.answer(seen(START), NOW, NOW).level is not Level.DISABLED
 
 
 def test_a_pose_asked_for_is_judged_and_changes_nothing():
@@ -259,7 +259,7 @@ def test_every_number_is_finite_whatever_the_twist(v):
     monitor = monitor_for(TARGET)
     for i in range(4):
         monitor.receive_twist(v, NOW + i * STEP)
-        found = monitor.assess(seen(START.integrate([0.1 * i, 0, 0, 0, 0, 0], 0.04)), NOW + i * STEP, NOW + i * STEP)
+        found = monitor.answer(seen(START.integrate([0.1 * i, 0, 0, 0, 0, 0], 0.04)), NOW + i * STEP, NOW + i * STEP)
         assert found.approach is None or np.isfinite([found.approach.time, found.approach.distance]).all()
         assert found.reason
 
@@ -280,7 +280,7 @@ HOVER = Pose(LOOK, ON_TRANSVERSAL + [0.1, 0.2, 0.1])
 
 
 def thresholds_at_hover():
-    found = monitor_for(TARGET).assess(seen(HOVER), NOW, NOW)
+    found = monitor_for(TARGET).answer(seen(HOVER), NOW, NOW)
     inverse = inverse_at(HOVER)
     points = [i for i, name in enumerate(monitor_for().singular_set.locus_names) if name.startswith("isolated")]
     return {
@@ -306,7 +306,7 @@ def test_noise_at_a_threshold_raises_one_alert(name, level, with_pose):
         if with_pose:
             monitor.receive_pose(HOVER, stamp)
         monitor.receive_twist(np.zeros(6), stamp)
-        levels.append(monitor.assess(camera.observe(), stamp, stamp).level)
+        levels.append(monitor.answer(camera.observe(), stamp, stamp).level)
     assert np.count_nonzero(np.diff([0, *levels]) > 0) <= 1
     assert np.count_nonzero(np.diff(levels) < 0) == 0
 
@@ -319,7 +319,7 @@ def test_every_number_is_finite_wherever_the_camera_is(center, v):
     monitor.receive_pose(pose, NOW)
     for i in range(4):
         monitor.receive_twist(v, NOW + i * STEP)
-        found = monitor.assess(seen(pose), NOW + i * STEP, NOW + i * STEP)
+        found = monitor.answer(seen(pose), NOW + i * STEP, NOW + i * STEP)
     for number in (
         found.inverse_condition_number_rate,
         found.time_to_critical,

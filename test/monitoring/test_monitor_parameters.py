@@ -37,7 +37,9 @@ class Rig:
     def __init__(self, scene=SCENE, **changes):
         self.scene, self.now = scene, 10**12
         lines = {"lines.points": scene.point.ravel(), "lines.directions": scene.direction.ravel()}
-        self.monitor = SingularityMonitor(MonitorParameters.from_values(lines | QUIET | dotted(changes)))
+        self.monitor = SingularityMonitor.from_parameters(
+            MonitorParameters.from_values(lines | QUIET | dotted(changes))
+        )
 
     def set(self, changes):
         self.monitor.parameters = self.monitor.parameters.with_values(dotted(changes))
@@ -46,7 +48,7 @@ class Rig:
         self.now += STEP
         self.monitor.receive_pose(pose, self.now - pose_late)
         seen = LineObservation.of_lines(self.scene.transformed(pose.inverse(), "camera"))
-        return self.monitor.assess(seen, self.now + ahead, self.now)
+        return self.monitor.answer(seen, self.now + ahead, self.now)
 
     def level(self):
         return self.see().level

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from plsing_ros.experiments import paper_scenes, paper_tasks
+from paper import scenes as paper_scenes
+from paper import tasks as paper_tasks
 from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.parameters.config_files import config_file
 from plsing_ros.simulation.target_paths import View

@@ -25,11 +25,11 @@ TARGET_VALUES = {"target.position": tuple(TARGET.translation), "target.orientati
 
 def distances(values, start=TARGET, frames=FRAMES, noise=NOISE):
     """How far from the target the camera is, frame by frame [m]."""
-    servo = ServoController(ControllerParameters.from_values({**ROWS, **TARGET_VALUES, **values}))
+    servo = ServoController.from_parameters(ControllerParameters.from_values({**ROWS, **TARGET_VALUES, **values}))
     camera, result = SimulatedCamera(LINES, start, "camera_optical_frame", noise, seed=1), []
     for k in range(frames):
         stamp = 10**12 + round(k * TIME_STEP * 1e9)
-        camera.move(servo.step(camera.observe(), stamp, stamp).twist, TIME_STEP)
+        camera.move(servo.answer(camera.observe(), stamp, stamp).twist, TIME_STEP)
         result.append(np.linalg.norm(camera.T_world_camera.translation - TARGET.translation))
     return np.array(result)
 

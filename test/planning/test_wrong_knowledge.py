@@ -30,7 +30,9 @@ TIME_STEP = 0.1
 def controller(lines, target=TARGET, **values):
     rows = {"lines.points": tuple(lines.point.ravel()), "lines.directions": tuple(lines.direction.ravel())}
     at = {"target.position": tuple(target.translation), "target.orientation": tuple(target.quaternion_xyzw)}
-    return ServoController(ControllerParameters.from_values({**rows, **at, "law": "detour", "gain": 0.5, **values}))
+    return ServoController.from_parameters(
+        ControllerParameters.from_values({**rows, **at, "law": "detour", "gain": 0.5, **values})
+    )
 
 
 def seen(pose, depth=1.0, lines=LINES):
@@ -44,7 +46,7 @@ def run(servo, pose, frames, depth=1.0, first=0, lines=LINES):
     plans = []
     for k in range(first, first + frames):
         stamp = 10**12 + round(k * TIME_STEP * 1e9)
-        pose = pose.integrate(servo.step(seen(pose, depth, lines), stamp, stamp).twist, TIME_STEP)
+        pose = pose.integrate(servo.answer(seen(pose, depth, lines), stamp, stamp).twist, TIME_STEP)
         if not plans or servo.plan is not plans[-1]:
             plans.append(servo.plan)
     return pose, plans

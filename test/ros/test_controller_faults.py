@@ -150,7 +150,7 @@ def test_a_fault_of_its_own_is_zero_and_not_the_end(ros, paper, monkeypatch):
         raise RuntimeError("a bug")
 
     with monkeypatch.context() as patch:
-        patch.setattr(loop.node._servo, "step", broken)
+        patch.setattr(loop.node._servo, "answer", broken)
         loop.twists.clear()
         loop.features.publish(features(start_pose(1), loop.now()))
         ros.spin_until(lambda: loop.twists, "the twist after the fault")
