@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from plsing_ros.errors import PlsingError, SceneFileError
 from plsing_ros.geometry.line_set import LineSet
@@ -26,6 +25,8 @@ def read_scene(path: str | Path) -> LineSet:
     Raises:
         SceneFileError: If the file cannot be read, is no such YAML, or does not describe lines; it names the file.
     """
+    import yaml
+
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
