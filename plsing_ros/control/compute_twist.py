@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from plsing_ros.arrays import Array
-from plsing_ros.control.gain import adaptive_gain
+from plsing_ros.control.gain import law_gain
 from plsing_ros.control.inverses import (
     adaptive_damping,
     dls_factors,
@@ -79,10 +79,7 @@ def compute_twist(
         GeometryError: If L is not finite.
     """
     columns = parameters.columns
-    gain = parameters.gain
-    if parameters.gain_slope > 0.0:
-        largest = float(np.abs(error).max())
-        gain = adaptive_gain(largest, gain, parameters.gain_at_infinity, parameters.gain_slope)
+    gain = law_gain(parameters, error)
     current = interaction if len(columns) == 6 else interaction[:, columns]
     inverted = _inverted(parameters, current, image, view)
     solution = solve_least_squares(

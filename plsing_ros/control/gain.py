@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.parameters.law import LawParameters
+
 
 def adaptive_gain(error: float, at_zero: float, at_infinity: float, slope: float) -> float:
     """Return lambda(x) = (l0 - linf) exp(-slope / (l0 - linf) x) + linf.
@@ -22,3 +27,11 @@ def adaptive_gain(error: float, at_zero: float, at_infinity: float, slope: float
         return at_zero
     span = at_zero - at_infinity
     return span * math.exp(-slope / span * error) + at_infinity
+
+
+def law_gain(parameters: LawParameters, error: Array) -> float:
+    """Return lambda [1/s] of the parameters for an error s - s*, shape (m,)."""
+    if parameters.gain_slope == 0.0:
+        return parameters.gain
+    largest = float(np.abs(error).max())
+    return adaptive_gain(largest, parameters.gain, parameters.gain_at_infinity, parameters.gain_slope)

@@ -9,14 +9,17 @@ import numpy as np
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command, Mode
 from plsing_ros.control.compute_twist import LawTwist, compute_twist
+from plsing_ros.control.gain import law_gain
 from plsing_ros.control.guard import guarded_scale
 from plsing_ros.control.integral import ErrorIntegral
+from plsing_ros.control.latency import LookAhead
 from plsing_ros.control.plain_law import plain_twist
+from plsing_ros.control.pose_laws import PoseLaws
 from plsing_ros.control.saturation import saturated
 from plsing_ros.control.stall import StallWatch
 from plsing_ros.control.tool import tool_twist
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import feature_error, interaction_matrix, smallest_over_largest
+from plsing_ros.features import decompose_interaction, feature_error, interaction_matrix, smallest_over_largest
 from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
@@ -44,6 +47,7 @@ class ServoCycle:
         self._loci = loci
         self._integral = ErrorIntegral()
         self._stall = StallWatch()
+        self._look_ahead = LookAhead()
         self._path: PathTracker | None = None
         self.retarget(target, T_world_target)
         # Of the latest cycle: what was left of the law's speed.
@@ -52,6 +56,7 @@ class ServoCycle:
     def retarget(self, target: Target, T_world_target: Pose | None) -> None:
         """Go on with another target; the integral stays, so that a target that moves can be followed."""
         self.target = target
+        self._pose_laws: PoseLaws | None = None
         if self._loci is None or T_world_target is None or target.lines is None:
             self._path = None
         elif self._path is None or not self._path.leads_to(T_world_target):
@@ -66,6 +71,7 @@ class ServoCycle:
         """Take note that the camera was told to stand still in this cycle."""
         self._factor = 0.0
         self._stall.clear()
+        self._look_ahead.clear()
 
     def command(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
         """Return the command for lines that are in the target.
@@ -80,6 +86,8 @@ class ServoCycle:
             ObservationError: If the law needs something that the observation or the target lacks.
         """
         parameters = self.parameters
+        if parameters.latency > 0.0:
+            lines, image = self._look_ahead.ahead(lines, image, stamp, parameters.latency)
         if parameters.is_plain:
             target_image = self.target.view(lines.ids, parameters.columns).image
             asked, error_norm = plain_twist(parameters, lines, image, target_image)
@@ -87,6 +95,8 @@ class ServoCycle:
         with _may_overflow():
             if parameters.law == "detour":
                 return self._along_the_path(lines, image, trust, stamp)
+            if parameters.law in ("position", "fused"):
+                return self._by_pose(lines, image, trust, stamp)
             return self._servo(lines, image, None, None, trust, stamp)
 
     def _along_the_path(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
@@ -102,6 +112,24 @@ class ServoCycle:
             raise ObservationError(f"only {len(rows)} line(s) have an image both here and on the path")
         there = image.reshape(-1, 3)[rows].ravel()
         return self._servo(lines.select(rows), there, reference, reference.displacement(pose), trust, stamp)
+
+    def _by_pose(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
+        parameters = self.parameters
+        if self._pose_laws is None:
+            self._pose_laws = PoseLaws(self.target)
+        laws = self._pose_laws
+        displacement = (
+            laws.by_pose(lines, parameters.pose_covariance)
+            if parameters.law == "position"
+            else laws.by_pose_and_image(
+                lines, image, parameters.pose_covariance, parameters.image_std, parameters.fused_map_std
+            )
+        )
+        error, error_norm = feature_error(image, self.target.view(lines.ids, parameters.columns).image)
+        gain = law_gain(parameters, error)
+        twist = parameters.selected(-gain * displacement.twist)
+        asked = LawTwist(twist, gain, decompose_interaction(lines).singular_values, 0.0, 1.0)
+        return self._within_limits(lines, asked, error_norm, None, trust, stamp)
 
     def _servo(
         self,
@@ -138,6 +166,7 @@ class ServoCycle:
             if not _is_finite(output):
                 return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
         self._factor = scale * limited
+        self._look_ahead.sent(twist, stamp)
         values = asked.values.tolist()
         mode, reason = Mode.SERVOING, ""
         if reference is None or reference.progress >= 1.0:

@@ -15,6 +15,8 @@ from plsing_ros.parameters.task import TaskParameters
 _RELATIVE = "in units of the target's smallest singular value with the same lines"
 # The default limits [m/s, rad/s], and the laws that know none.
 _SPEEDS = (0.25, 1.0)
+# A loop diverges when gain times a latency that is not looked ahead by is above pi / 2.
+_MAX_GAIN_LATENCY = 3.0
 _UNLIMITED_LAWS = ("pinv", "dls", "adaptive_dls")
 _LIMIT_TEXT = "the whole twist is scaled down to it. 0: none for pinv, dls and adaptive_dls, {:g} for the other laws"
 
@@ -28,9 +30,9 @@ class LawParameters(TaskParameters):
         "law",
         "pinv (the paper's), dls (constant damping), adaptive_dls (damping along the unobservable motion near a "
         "singularity), guarded (slow where a locus is ahead, the unobservable motion limited), detour (along a path "
-        "planned round the loci); "
-        "see docs/controller.md",
-        choices=("pinv", "dls", "adaptive_dls", "guarded", "detour"),
+        "planned round the loci), position (straight by the pose that the 3-D lines stand for), fused (as position, "
+        "corrected by the image); see docs/laws.md",
+        choices=("pinv", "dls", "adaptive_dls", "guarded", "detour", "position", "fused"),
     )
     interaction: str = parameter(
         "auto",
@@ -171,6 +173,54 @@ class LawParameters(TaskParameters):
         minimum=0.0,
         maximum=0.9,
     )
+    fused_position_std: float = parameter(
+        0.005,
+        "fused.position_std",
+        "fused: standard deviation of the position that 3-D lines stand for, each coordinate; grows to what is seen",
+        unit="m",
+        minimum=1e-9,
+        maximum=1000.0,
+    )
+    fused_rotation_std: float = parameter(
+        0.005,
+        "fused.rotation_std",
+        "fused: likewise of the orientation, about each axis",
+        unit="rad",
+        minimum=1e-9,
+        maximum=10.0,
+    )
+    fused_angle_std: float = parameter(
+        0.004,
+        "fused.angle_std",
+        "fused: standard deviation of an image line's angle; grows to what is seen",
+        unit="rad",
+        minimum=1e-9,
+        maximum=10.0,
+    )
+    fused_offset_std: float = parameter(
+        0.001,
+        "fused.offset_std",
+        "fused: likewise of its offset, in normalised image coordinates",
+        minimum=1e-9,
+        maximum=10.0,
+    )
+    fused_map_std: float = parameter(
+        0.005,
+        "fused.map_std",
+        "fused, to a target that was not shown: standard deviation of a line in the map",
+        unit="m",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    latency: float = parameter(
+        0.0,
+        "latency",
+        "From when an image is taken to when the robot moves by it, its lag included: the law looks ahead by the "
+        "twists sent meanwhile; 0: it does not",
+        unit="s",
+        minimum=0.0,
+        maximum=2.0,
+    )
     max_linear_speed: float = parameter(
         _SPEEDS[0],
         "max_linear_speed",
@@ -201,6 +251,12 @@ class LawParameters(TaskParameters):
         ):
             if len(values) != 6:
                 raise ParameterError(f"parameter '{name}' has {len(values)} numbers; it must have 6")
+        if self.gain * self.latency > _MAX_GAIN_LATENCY:
+            raise ParameterError(
+                f"parameter 'gain' {self.gain:g} 1/s times 'latency' {self.latency:g} s is "
+                f"{self.gain * self.latency:.3g}; allowed is {_MAX_GAIN_LATENCY:g}, or an error of half the latency "
+                "makes the loop diverge"
+            )
         if not any(self.degrees_of_freedom):
             raise ParameterError("parameter 'degrees_of_freedom' has no 1; at least one must be left to move")
 
@@ -220,6 +276,16 @@ class LawParameters(TaskParameters):
     def columns(self) -> tuple[int, ...]:
         """Which columns of L belong to the degrees of freedom in use."""
         return tuple(column for column, used in enumerate(self.degrees_of_freedom) if used)
+
+    @cached_property
+    def pose_covariance(self) -> Array:
+        """Of the pose that 3-D lines stand for: position, then orientation, shape (6, 6) [m^2, rad^2]."""
+        return np.diag(np.repeat([self.fused_position_std**2, self.fused_rotation_std**2], 3))
+
+    @cached_property
+    def image_std(self) -> Array:
+        """Of angle [rad] and offset of an image line, shape (2,)."""
+        return np.array([self.fused_angle_std, self.fused_offset_std])
 
     def selected(self, twist: Array) -> Array:
         """Return a twist (6,) with zeros for the degrees of freedom that may not be used."""

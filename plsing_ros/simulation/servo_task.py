@@ -110,6 +110,9 @@ class ServoTask:
             # The paper's paths lead through singular points, which the controller would refuse as targets.
             "target.min_inverse_condition_number": 0.0,
             "gain": self.gain,
+            # Nor has the paper speed limits.
+            "max_linear_speed": 0.0,
+            "max_angular_speed": 0.0,
             **self.law,
         }
 

@@ -1,0 +1,79 @@
+"""Looking ahead: what the camera will see when the robot begins to move by an image."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.features import project_lines
+from plsing_ros.features.projection import have_images
+from plsing_ros.geometry import LineSet, Pose
+
+_SECOND = 1_000_000_000
+# More twists are never under way at once.
+_MOST_TWISTS = 4096
+# After a longer gap a twist is taken to have been held for this long [s]: the robot's own timeout is not known.
+_LONGEST_HOLD = 0.2
+_HERE = Pose(np.eye(3), np.zeros(3))
+
+
+class LookAhead:
+    """Remembers the twists that were sent, and moves features by those that act after an image was taken.
+
+    A twist that answers the image of time s acts from s + latency until the next one does. So between an image at t
+    and the motion that answers it, the twists of images in [t - latency, t) act.
+
+    Source: Smith's predictor, with the exact motion of a camera under constant twists.
+    """
+
+    def __init__(self) -> None:
+        self._sent: deque[tuple[int, Array]] = deque(maxlen=_MOST_TWISTS)
+
+    def clear(self) -> None:
+        """Take note that the robot stands still."""
+        self._sent.clear()
+
+    def sent(self, twist: Array, stamp: int) -> None:
+        """Take note of a twist (6,) of the camera that answers an image of that stamp [ns]."""
+        if self._sent and self._sent[-1][0] >= stamp:
+            self._sent.pop()
+        self._sent.append((stamp, twist))
+
+    def motion(self, stamp: int, latency: float) -> Pose:
+        """Return T_now_then: where the camera is when it begins to move by an image, seen from where it took it.
+
+        Args:
+            stamp: Of the image [ns].
+            latency: [s].
+        """
+        start = stamp - round(latency * _SECOND)
+        while len(self._sent) > 1 and self._sent[1][0] <= start:
+            self._sent.popleft()
+        T_now_then, entries = _HERE, list(self._sent)
+        ends = [*(each[0] for each in entries[1:]), stamp] if entries else []
+        for (begin, twist), end in zip(entries, ends, strict=True):
+            seconds = (min(end, stamp) - max(begin, start)) / _SECOND
+            if seconds > 0.0:
+                T_now_then = T_now_then.integrate(twist, min(seconds, _LONGEST_HOLD))
+        return T_now_then
+
+    def ahead(self, lines: LineSet, image: Array, stamp: int, latency: float) -> tuple[LineSet, Array]:
+        """Return lines and image lines as they will be then; as they are where one of them would have no image.
+
+        Args:
+            lines: In the camera's optical frame.
+            image: Their image lines, shape (3n,).
+            stamp: Of the image [ns].
+            latency: [s].
+        """
+        T_now_then = self.motion(stamp, latency)
+        if T_now_then is _HERE:
+            return lines, image
+        then = lines.transformed(T_now_then.inverse(), lines.frame)
+        if not have_images(then):
+            return lines, image
+        changed = (image + project_lines(then) - project_lines(lines)).reshape(-1, 3)
+        changed[:, :2] /= np.hypot(changed[:, 0], changed[:, 1])[:, np.newaxis]
+        return then, changed.ravel()
