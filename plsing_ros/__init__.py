@@ -4,6 +4,7 @@ Arrays are numpy's, units SI, frames as in docs/concepts. Printing a result give
 alone; what draws, reads images or bags imports its library when it is called.
 """
 
+from plsing_ros.analysis.line_selection import LineSelection, select_lines
 from plsing_ros.control.servo_controller import Command, ServoController
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation, project
@@ -19,6 +20,7 @@ __all__ = [
     "Assessment",
     "Command",
     "LineObservation",
+    "LineSelection",
     "LineSet",
     "PlsingError",
     "Pose",
@@ -29,6 +31,7 @@ __all__ = [
     "SingularityMonitor",
     "estimate_pose",
     "project",
+    "select_lines",
     "simulate",
     "singular_set",
 ]

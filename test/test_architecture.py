@@ -30,6 +30,7 @@ ORDER = [
     "monitoring",
     "simulation",
     "figures",
+    "analysis",
     "nodes",
     "testing",
     "cli",

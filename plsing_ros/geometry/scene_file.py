@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import PlsingError, SceneFileError
 from plsing_ros.geometry.line_set import LineSet
 
@@ -25,6 +26,42 @@ def read_scene(path: str | Path) -> LineSet:
     Raises:
         SceneFileError: If the file cannot be read, is no such YAML, or does not describe lines; it names the file.
     """
+    parameters = _scene_parameters(path)
+    lines = parameters["lines"]
+    try:
+        return LineSet.from_points_directions(
+            _rows("lines.points", lines["points"]),
+            _rows("lines.directions", lines["directions"]),
+            str(parameters.get("scene_frame", "world")),
+            _listed("lines.ids", lines.get("ids", [])),
+            position_std=_std("lines.position_std", lines.get("position_std", POSITION_STD)),
+            direction_std=_std("lines.direction_std", lines.get("direction_std", DIRECTION_STD)),
+        )
+    except PlsingError as error:
+        raise SceneFileError(f"scene file {path}: {error}") from None
+
+
+def read_segment_ends(path: str | Path, count: int) -> Array | None:
+    """Return the ends of the lines that a ROS parameter file gives under lines.ends, shape (count, 2, 3) [m], or None.
+
+    Args:
+        path: As for read_scene.
+        count: Number of lines.
+
+    Raises:
+        SceneFileError: As read_scene, and if there are not two ends for each line.
+    """
+    ends = _scene_parameters(path)["lines"].get("ends", [])
+    if not ends:
+        return None
+    try:
+        return checked_array("lines.ends", np.reshape(_rows("lines.ends", ends), (-1, 2, 3)), (count, 2, 3))
+    except (ValueError, PlsingError) as error:
+        raise SceneFileError(f"scene file {path}: {error}; 6 numbers are needed for each of {count} lines") from None
+
+
+def _scene_parameters(path: str | Path) -> dict[str, Any]:
+    """Return the parameters of the first node in a file that has lines."""
     import yaml
 
     try:
@@ -39,17 +76,7 @@ def read_scene(path: str | Path) -> LineSet:
             continue
         lines = parameters.get("lines")
         if isinstance(lines, dict) and "points" in lines and "directions" in lines:
-            try:
-                return LineSet.from_points_directions(
-                    _rows("lines.points", lines["points"]),
-                    _rows("lines.directions", lines["directions"]),
-                    str(parameters.get("scene_frame", "world")),
-                    _listed("lines.ids", lines.get("ids", [])),
-                    position_std=_std("lines.position_std", lines.get("position_std", POSITION_STD)),
-                    direction_std=_std("lines.direction_std", lines.get("direction_std", DIRECTION_STD)),
-                )
-            except PlsingError as error:
-                raise SceneFileError(f"scene file {path}: {error}") from None
+            return parameters
     raise SceneFileError(
         f"scene file {path} has no lines; expected <node>: ros__parameters: lines: points: [x1, y1, z1, ...], "
         "directions: [x1, y1, z1, ...]"

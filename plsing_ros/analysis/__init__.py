@@ -1,0 +1,1 @@
+"""Offline questions about scenes, paths and recordings: before and after a run."""

@@ -1,0 +1,118 @@
+"""Command select_lines: which of many lines to servo on, for a target, a path or a workspace."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from plsing_ros.analysis.line_selection import LineSelection, select_lines
+from plsing_ros.cli.camera_poses import PATH_HELP, add_pose_options, camera_poses
+from plsing_ros.cli.command import make_folder, run_command
+from plsing_ros.geometry.scene_file import read_scene, read_segment_ends
+
+_EPILOG = f"""examples:
+  select_lines building.yaml --count 4 --box 2 -1 1 3 1 2
+  select_lines building.yaml --count 6 --start 3 0 1 --target 1 0 1 --look-at 0 0 1 --output chosen/
+  select_lines building.yaml --count 4 --path path.csv --json
+
+{PATH_HELP}"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Choose lines and say why; return the exit code."""
+    parser = argparse.ArgumentParser(
+        description="Choose the lines to servo on: those with which the camera's position is known best at the worst "
+        "of the poses, and whose singularities keep away from them.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("scene", help="parameter file with lines.points and lines.directions, and lines.ends if known")
+    parser.add_argument("--count", type=int, default=4, help="how many lines (%(default)s)")
+    add_pose_options(parser)
+    parser.add_argument("--noise", type=float, default=1e-3, help="standard deviation of image lines (%(default)g)")
+    parser.add_argument("--view", type=float, default=60.0, help="field of view, whole angle in degrees (%(default)g)")
+    parser.add_argument(
+        "--clearance", type=float, default=0.1, help="distance from singular loci to keep [m] (%(default)g)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="folder for a figure of the comparison")
+    options = parser.parse_args(argv)
+    return run_command("select_lines", lambda: _run(options))
+
+
+def _run(options: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    if options.output is not None:
+        make_folder(options.output, "write the figure", "--output")
+    lines = read_scene(options.scene)
+    poses = camera_poses(options, lines.pivot.mean(axis=0))
+    with tqdm(unit="set", disable=None, leave=False) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        chosen = select_lines(
+            lines,
+            options.count,
+            poses,
+            ends=read_segment_ends(options.scene, len(lines)),
+            image_std=options.noise,
+            max_angle=math.radians(options.view) / 2.0,
+            clearance=options.clearance,
+            progress=progress,
+        )
+    print(json.dumps(_as_json(chosen), indent=2) if options.json else chosen)
+    if options.output is not None:
+        print(f"figure: {_save_figure(chosen, options.output / 'selection.png')}")
+    if not chosen.is_clear:
+        print("no set of lines keeps the clearance: choose other poses, more lines, or a smaller --clearance")
+    return 0
+
+
+def _as_json(chosen: LineSelection) -> dict[str, object]:
+    return {
+        "ids": list(chosen.ids),
+        "exact": chosen.exact,
+        "clearance": _number(chosen.clearance),
+        "locus": chosen.locus,
+        "position_deviation": {name: _number(value) for name, value in chosen.table()},
+        "without": {str(i): _number(value) for i, value in chosen.without.items()},
+        "instead": {str(i): _number(value) for i, value in chosen.instead.items()},
+        "given_up": [
+            {"ids": list(ids), "position_deviation": _number(value), "distance": distance, "locus": name}
+            for ids, value, distance, name in chosen.dropped
+        ],
+    }
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _save_figure(chosen: LineSelection, file: Path) -> Path:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4.5), layout="constrained")
+    axes = figure.add_subplot()
+    rows = [
+        *chosen.table(),
+        *((f"without line {i}", value) for i, value in chosen.without.items()),
+    ]
+    shown = [(name, 1000.0 * value) for name, value in rows if np.isfinite(value)]
+    colors = ["tab:green", *["tab:blue"] * len(chosen.table()), *["tab:orange"] * len(rows)]
+    bars = axes.barh([name for name, _ in shown], [value for _, value in shown], color=colors[: len(shown)])
+    axes.bar_label(bars, fmt=" %.3g")
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    axes.margins(x=0.15)
+    axes.set_xlabel("standard deviation of the position, worst direction, worst pose [mm]")
+    axes.set_title(f"lines {', '.join(map(str, chosen.ids))}")
+    figure.savefig(file, dpi=110)
+    return file
