@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import inspect
 import os
 import platform
 from pathlib import Path
@@ -13,18 +14,21 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Studies of behaviour rather than speed, of many minutes each: only when named.
-STUDIES = ("alert_quality", "laws", "noisy_alerts", "pose_quality")
-NAMES = sorted(file.stem for file in Path(__file__).parent.glob("*.py") if "\ndef main() -> None:" in file.read_text())
+STUDIES = ("alert_quality", "law_suite", "laws", "noisy_alerts", "pose_quality")
+NAMES = sorted(file.stem for file in Path(__file__).parent.glob("*.py") if "\ndef main(" in file.read_text())
 
 
-def run(names: list[str]) -> None:
-    """Run the named benchmarks."""
+def run(names: list[str], quick: bool) -> None:
+    """Run the named benchmarks; those that can be quick and large are, as asked."""
     print(f"{platform.processor() or platform.machine()}, Python {platform.python_version()}")
     for name in names:
         module = importlib.import_module(f"benchmark.{name}")
         print(f"\n== {name}: {(module.__doc__ or '').splitlines()[0]}\n", flush=True)
         before = _processor_time()
-        module.main()
+        if inspect.signature(module.main).parameters:
+            module.main(quick)
+        else:
+            module.main()
         spent = [after - each for each, after in zip(before, _processor_time(), strict=True)]
         print(
             f"\nMeanwhile this benchmark and all else on the machine took {spent[0] / spent[2]:.0%} of its processor "
@@ -53,8 +57,9 @@ if __name__ == "__main__":
         metavar="NAME",
         help=f"which (default: all but the studies of many minutes, {', '.join(STUDIES)}): {', '.join(NAMES)}",
     )
+    parser.add_argument("--quick", action="store_true", help="a small part of the studies that have one")
     options = parser.parse_args()
     unknown = sorted(set(options.names) - set(NAMES))
     if unknown:
         parser.error(f"no benchmark '{unknown[0]}'; there are {', '.join(NAMES)}")
-    run(options.names or [name for name in NAMES if name not in STUDIES])
+    run(options.names or [name for name in NAMES if name not in STUDIES], options.quick)

@@ -34,7 +34,9 @@ class Condition:
         focal_length: Factor, drawn as larger or smaller.
         lag: Time constant of the robot [s].
         limited: Whether the robot has speed limits.
-        filtered: Whether poses come from the package's filter of the images alone.
+        hand_turn: By how much the frame that is told to move is turned against the camera [rad].
+        hand_arm: How far it is from the camera [m].
+        shown: Whether targets are what was seen there, with all these errors, and not poses.
     """
 
     name: str
@@ -48,7 +50,9 @@ class Condition:
     focal_length: float = 1.0
     lag: float = 0.0
     limited: bool = False
-    filtered: bool = False
+    hand_turn: float = 0.0
+    hand_arm: float = 0.0
+    shown: bool = False
 
 
 NOMINAL = Condition("nominal", 0.3, 0.003, np.radians(0.2), 1, lag=0.05, limited=True)
@@ -59,7 +63,7 @@ CONDITIONS = {
         Condition("lab", limited=True),
         NOMINAL,
         HARSH,
-        replace(NOMINAL, name="chain", filtered=True),
+        replace(HARSH, name="shown", hand_turn=np.radians(3.0), hand_arm=0.02, shown=True),
     )
 }
 
@@ -75,7 +79,7 @@ class ServoTask:
         gain: lambda [1/s].
         crossing: Whether the straight path leads across a line that all observed lines meet.
         focal_factor: By which the true focal length is larger than what is assumed.
-        shown: Whether the target is what was seen there, with all errors, and not a pose.
+        T_hand_camera: Of the frame that is told to move.
     """
 
     ends: np.ndarray
@@ -85,7 +89,7 @@ class ServoTask:
     gain: float
     crossing: bool
     focal_factor: float
-    shown: bool = False
+    T_hand_camera: Pose
 
     @property
     def map(self) -> LineSet:
@@ -98,7 +102,7 @@ def lines_through(ends: np.ndarray) -> LineSet:
     return LineSet.from_points_directions(ends[:, 0], ends[:, 1] - ends[:, 0])
 
 
-def draw_task(rng: np.random.Generator, condition: Condition, crossing: bool, shown: bool = False) -> ServoTask:
+def draw_task(rng: np.random.Generator, condition: Condition, crossing: bool) -> ServoTask:
     """Return a random task: 4 to 12 segments of 0.2 to 5 m, of which start and target see four or more."""
     while True:
         n = int(rng.integers(4, 13))
@@ -120,7 +124,9 @@ def draw_task(rng: np.random.Generator, condition: Condition, crossing: bool, sh
         map_ends = ends + condition.map_shift * rng.normal(size=ends.shape)
         factor = condition.focal_length if rng.random() < 0.5 else 1.0 / condition.focal_length
         gain = float(np.exp(rng.uniform(np.log(0.1), np.log(2.0))))
-        return ServoTask(ends, map_ends, start, target, gain, crossing, factor, shown)
+        turn = Rotation.from_rotvec(condition.hand_turn * _direction(rng)).as_matrix()
+        hand = Pose(turn, condition.hand_arm * _direction(rng))
+        return ServoTask(ends, map_ends, start, target, gain, crossing, factor, hand)
 
 
 def view_of(ends: np.ndarray, T_world_camera: Pose) -> tuple[np.ndarray, np.ndarray]:

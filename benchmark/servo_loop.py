@@ -5,15 +5,17 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmark.rivals import RIVALS, situation_of
 from benchmark.servo_conditions import FRAME_TIME, ROBOT_LIMITS, Camera, Condition, Frame, ServoTask
+from plsing_ros.control.latency import LookAhead
 from plsing_ros.control.saturation import saturated
 from plsing_ros.control.servo_controller import ServoController
+from plsing_ros.control.tool import tool_twist
 from plsing_ros.errors import PlsingError
 from plsing_ros.geometry import Pose
 from plsing_ros.parameters import ControllerParameters
@@ -69,8 +71,9 @@ def run(task: ServoTask, condition: Condition, law: str, options: dict[str, obje
     """
     rng = np.random.default_rng(seed)
     camera = Camera(task, condition, rng)
-    target = camera.frame(task.target) if task.shown else _exact_target(camera, task)
-    control = _rival(task, law, target) if law in RIVALS else _package(task, condition, law, options, target)
+    target = camera.frame(task.target) if condition.shown else _exact_target(camera, task)
+    package = law not in RIVALS
+    control = _package(task, condition, law, options, target) if package else _rival(task, condition, law, target)
     return _loop(task, condition, control, camera, rng)
 
 
@@ -81,12 +84,27 @@ def _exact_target(camera: Camera, task: ServoTask) -> Frame:
     return camera.completed(lines, np.full((n, 3), 1e-8), np.ones(n, dtype=bool), task.target, 1e-8 * np.eye(6))
 
 
-def _rival(task: ServoTask, law: str, target: Frame) -> Control:
-    def control(frame: Frame, _: int) -> np.ndarray:
+def _rival(task: ServoTask, condition: Condition, law: str, target: Frame) -> Control:
+    look_ahead, latency = LookAhead(), _latency(condition)
+
+    def control(frame: Frame, stamp: int) -> np.ndarray:
         now = situation_of(frame, target)
-        return np.zeros(6) if now is None else saturated(RIVALS[law](now, task.gain), *ROBOT_LIMITS)[0]
+        if now is None:
+            look_ahead.clear()
+            return np.zeros(6)
+        # Rivals look ahead as the package's laws do.
+        lines, image = look_ahead.ahead(now.lines, now.image, stamp, latency)
+        moved = now.T_target_camera @ look_ahead.motion(stamp, latency)
+        now = replace(now, lines=lines, image=image, T_target_camera=moved)
+        twist = saturated(RIVALS[law](now, task.gain), *ROBOT_LIMITS)[0]
+        look_ahead.sent(twist, stamp)
+        return twist
 
     return control
+
+
+def _latency(condition: Condition) -> float:
+    return condition.latency * FRAME_TIME + condition.lag
 
 
 class Refusals:
@@ -97,7 +115,7 @@ class Refusals:
 
 def _package(task: ServoTask, condition: Condition, law: str, options: dict[str, object], target: Frame) -> Control:
     lines = task.map
-    servo = ServoController(
+    servo = ServoController.from_parameters(
         ControllerParameters.from_values(
             {
                 "lines.points": lines.point.ravel().tolist(),
@@ -106,7 +124,7 @@ def _package(task: ServoTask, condition: Condition, law: str, options: dict[str,
                 "gain": task.gain,
                 "target.source": "topic",
                 "target.min_inverse_condition_number": 0.0,
-                "latency": condition.latency * FRAME_TIME + condition.lag,
+                "latency": _latency(condition),
                 "features_timeout": 1.0,
                 **options,
             }
@@ -116,7 +134,7 @@ def _package(task: ServoTask, condition: Condition, law: str, options: dict[str,
 
     def control(frame: Frame, stamp: int) -> np.ndarray:
         try:
-            command = servo.step(frame.observation, stamp, stamp)
+            command = servo.answer(frame.observation, stamp, stamp)
         except PlsingError as error:
             command = servo.halt(str(error))
         if not command.mode.moves and "usable" not in command.reason:
@@ -155,7 +173,8 @@ def _loop(task: ServoTask, condition: Condition, control: Control, camera: Camer
         wanted = saturated(commanded, *ROBOT_LIMITS)[0] if condition.limited else commanded
         actual = wanted + decay * (actual - wanted)
         try:
-            pose = pose.integrate(actual, FRAME_TIME)
+            # The camera moves as the hand that it is fixed to.
+            pose = pose.integrate(tool_twist(task.T_hand_camera.inverse(), actual), FRAME_TIME)
         except PlsingError:
             away = True
             break

@@ -41,7 +41,7 @@ def servo_with(law, **values):
         "features_timeout": 10.0,
         **values,
     }
-    servo = ServoController(ControllerParameters.from_values(parameters))
+    servo = ServoController.from_parameters(ControllerParameters.from_values(parameters))
     servo.set_target(seen_by(TARGET))
     return servo
 
@@ -102,7 +102,7 @@ def test_a_shown_target_is_reached_by_the_image_where_map_and_focal_length_are_w
         pose = TARGET.integrate([0.2, -0.1, 0.3, 0.1, -0.1, 0.2], 1.0)
         for k in range(300):
             now = (k + 1) * SECOND // 10
-            pose = pose.integrate(servo.step(frame(pose, pose.integrate(bias, 1.0)), now, now).twist, 0.1)
+            pose = pose.integrate(servo.answer(frame(pose, pose.integrate(bias, 1.0)), now, now).twist, 0.1)
         ends[law] = float(np.linalg.norm(pose.translation - TARGET.translation))
     assert ends["position"] == pytest.approx(np.linalg.norm(bias[:3]), rel=0.2)
     assert ends["fused"] < 0.75 * ends["position"]
@@ -114,7 +114,7 @@ def test_a_target_without_3d_lines_is_said(law):
     image = seen_by(TARGET)
     servo.set_target(LineObservation(image.ids, image.image_lines, image.usable, None))
     with pytest.raises(ObservationError, match="need the target's 3-D lines"):
-        servo.step(seen_by(TARGET), SECOND, SECOND)
+        servo.answer(seen_by(TARGET), SECOND, SECOND)
 
 
 def run_late(law, gain, frames_late, latency):
@@ -123,7 +123,7 @@ def run_late(law, gain, frames_late, latency):
     waiting = [np.zeros(6)] * frames_late
     for k in range(round(8.0 / gain / 0.04)):
         now = SECOND + k * 4 * SECOND // 100
-        command = servo.step(seen_by(pose), now, now)
+        command = servo.answer(seen_by(pose), now, now)
         assert command.mode is not Mode.HALTED
         waiting.append(command.twist)
         pose = pose.integrate(waiting.pop(0), 0.04)
