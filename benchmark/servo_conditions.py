@@ -238,6 +238,7 @@ class Camera:
             self._map.ids, lines, in_camera.direction, in_camera.moment, seen, "camera"
         )
         used = observation.usable
+        object.__setattr__(observation, "usable_covariances", covariances[used])
         return Frame(observation, covariances[used], pose, covariance)
 
 

@@ -77,7 +77,7 @@ class PoseLaws:
         return Displacement(twist, covariance)
 
     def by_pose_and_image(
-        self, lines: LineSet, image: Array, covariance: Array, deviation: Array, map_std: float
+        self, lines: LineSet, image: Array, covariance: Array, image_covariances: Array, map_std: float
     ) -> Displacement:
         """Return the displacement by 3-D lines and image, each weighted by its covariance.
 
@@ -95,7 +95,8 @@ class PoseLaws:
             lines: As for by_pose.
             image: Image lines, shape (3n,).
             covariance: Of the pose, P, shape (6, 6).
-            deviation: Of angle [rad] and offset of each image line, shape (n, 2) or (2,).
+            image_covariances: Of angle [rad] and offset of each image line: (angle angle, angle offset, offset offset),
+                shape (n, 3) or (3,).
             map_std: Of a line in the map [m].
 
         Raises:
@@ -106,11 +107,10 @@ class PoseLaws:
         pose = self.by_pose(lines, covariance)
         there = project_lines(lines)
         J, r = polar(interaction_matrix(lines), there), mismatch(image, lines) - self._taught
-        variance = np.broadcast_to(np.square(deviation), (len(lines), 2))
+        own = np.broadcast_to(image_covariances, (len(lines), 3))
         if self._computed:
-            variance = variance + np.square(map_std / image_depth(lines))[:, np.newaxis]
-        weight = 1.0 / np.sqrt(variance).ravel()
-        J, r = J * weight[:, np.newaxis], r * weight
+            own = own + np.square(map_std / image_depth(lines))[:, np.newaxis] * (1.0, 0.0, 1.0)
+        J, r = _whitened(J, own), _whitened(r[:, np.newaxis], own)[:, 0]
         normal, right, square = J.T @ J, J.T @ r, float(r @ r)
         known = np.linalg.inv(covariance)
         left = square - float(right @ np.linalg.solve(normal + 1e-6 * known, right))
@@ -156,6 +156,15 @@ def polar(interaction: Array, image: Array) -> Array:
     rows, (x, y, _) = interaction.reshape(-1, 3, 6), image.reshape(-1, 3).T
     turning = x[:, np.newaxis] * rows[:, 1] - y[:, np.newaxis] * rows[:, 0]
     return np.stack([turning, rows[:, 2]], axis=1).reshape(-1, 6)
+
+
+def _whitened(rows: Array, covariances: Array) -> Array:
+    """Return rows of angles and offsets, shape (2n, k), divided by Cholesky's root of their covariances (n, 3)."""
+    first = np.sqrt(covariances[:, :1])
+    mixed = covariances[:, 1:2] / first
+    second = np.sqrt(np.maximum(covariances[:, 2:] - np.square(mixed), 1e-24))
+    angle = rows[0::2] / first
+    return np.stack([angle, (rows[1::2] - mixed * angle) / second], axis=1).reshape(rows.shape)
 
 
 def _composed(first: Array, second: Array) -> Array:

@@ -229,7 +229,8 @@ class ServoController:
             return self.halt(problem)
         lines, image = _common(observation, cycle.target)
         self._seen = lines
-        command = cycle.command(lines, image, parameters.slow_scale if reaction == "slow" else 1.0, stamp)
+        trust = parameters.slow_scale if reaction == "slow" else 1.0
+        command = cycle.command(lines, image, trust, stamp, _covariances(observation, lines.ids))
         unknown = self._check.unknown_ids(observation)
         return command if not unknown else _with_note(command, unknown)
 
@@ -326,6 +327,16 @@ def _with_note(command: Command, unknown: tuple[int, ...]) -> Command:
     ids = ", ".join(map(str, unknown))
     note = f"line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene (lines.ids): left out"
     return command._replace(reason=f"{command.reason}; {note}" if command.reason else note)
+
+
+def _covariances(observation: LineObservation, ids: tuple[int, ...]) -> Array | None:
+    """Return those of the image lines of some usable ids, shape (k, 3), or None if they are not known."""
+    known: Array | None = getattr(observation, "usable_covariances", None)
+    if known is None or ids == observation.usable_ids:
+        return known
+    row_of = {i: row for row, i in enumerate(observation.usable_ids)}
+    chosen: Array = known[[row_of[i] for i in ids]]
+    return chosen
 
 
 def _common(observation: LineObservation, target: Target) -> tuple[LineSet, Array]:

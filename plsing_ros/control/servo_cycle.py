@@ -73,7 +73,9 @@ class ServoCycle:
         self._stall.clear()
         self._look_ahead.clear()
 
-    def command(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
+    def command(
+        self, lines: LineSet, image: Array, trust: float, stamp: int, covariances: Array | None = None
+    ) -> Command:
         """Return the command for lines that are in the target.
 
         Args:
@@ -81,6 +83,7 @@ class ServoCycle:
             image: Their image lines, shape (3n,).
             trust: Share of the speed that the trust in the lines allows, in [0, 1].
             stamp: Of the observation [ns].
+            covariances: Of angle and offset of each image line, shape (n, 3), if they are known.
 
         Raises:
             ObservationError: If the law needs something that the observation or the target lacks.
@@ -96,7 +99,7 @@ class ServoCycle:
             if parameters.law == "detour":
                 return self._along_the_path(lines, image, trust, stamp)
             if parameters.law in ("position", "fused"):
-                return self._by_pose(lines, image, trust, stamp)
+                return self._by_pose(lines, image, covariances, trust, stamp)
             return self._servo(lines, image, None, None, trust, stamp)
 
     def _along_the_path(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
@@ -113,7 +116,7 @@ class ServoCycle:
         there = image.reshape(-1, 3)[rows].ravel()
         return self._servo(lines.select(rows), there, reference, reference.displacement(pose), trust, stamp)
 
-    def _by_pose(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
+    def _by_pose(self, lines: LineSet, image: Array, covariances: Array | None, trust: float, stamp: int) -> Command:
         parameters = self.parameters
         if self._pose_laws is None:
             self._pose_laws = PoseLaws(self.target)
@@ -122,7 +125,11 @@ class ServoCycle:
             laws.by_pose(lines, parameters.pose_covariance)
             if parameters.law == "position"
             else laws.by_pose_and_image(
-                lines, image, parameters.pose_covariance, parameters.image_std, parameters.fused_map_std
+                lines,
+                image,
+                parameters.pose_covariance,
+                parameters.image_covariance if covariances is None else covariances,
+                parameters.fused_map_std,
             )
         )
         error, error_norm = feature_error(image, self.target.view(lines.ids, parameters.columns).image)

@@ -205,9 +205,9 @@ class LawParameters(TaskParameters):
         maximum=10.0,
     )
     fused_map_std: float = parameter(
-        0.005,
+        0.02,
         "fused.map_std",
-        "fused, to a target that was not shown: standard deviation of a line in the map",
+        "fused, to a target that was not shown: standard deviation of a line in the map, focal length included",
         unit="m",
         minimum=0.0,
         maximum=1000.0,
@@ -283,9 +283,9 @@ class LawParameters(TaskParameters):
         return np.diag(np.repeat([self.fused_position_std**2, self.fused_rotation_std**2], 3))
 
     @cached_property
-    def image_std(self) -> Array:
-        """Of angle [rad] and offset of an image line, shape (2,)."""
-        return np.array([self.fused_angle_std, self.fused_offset_std])
+    def image_covariance(self) -> Array:
+        """Of angle [rad] and offset of an image line: (angle angle, angle offset, offset offset), shape (3,)."""
+        return np.array([self.fused_angle_std**2, 0.0, self.fused_offset_std**2])
 
     def selected(self, twist: Array) -> Array:
         """Return a twist (6,) with zeros for the degrees of freedom that may not be used."""
