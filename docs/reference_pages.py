@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from plsing_ros.cli.parameter_files import NODES, yaml_text
+from plsing_ros.cli.parameter_files import NODES, node_parameters, yaml_text
 
 MESSAGES = Path(__file__).resolve().parent.parent / "msg_defs"
 
@@ -15,7 +15,7 @@ def parameter_page() -> str:
         "Made from `plsing_ros/parameters/`. *Live* parameters can be changed while the node runs. The files in "
         "`config/` have the same content, to start from.",
     ]
-    for node, kind in NODES.items():
+    for node in NODES:
         lines += [
             "",
             f"## {node}",
@@ -23,10 +23,10 @@ def parameter_page() -> str:
             "| name | default | unit | allowed | live | meaning |",
             "|---|---|---|---|---|---|",
         ]
-        for name, (field, specification) in kind.specifications().items():
+        for specification, default in node_parameters(node):
             cells = (
-                f"`{name}`",
-                f"`{yaml_text(field.default)}`",
+                f"`{specification.name}`",
+                f"`{yaml_text(default)}`",
                 specification.unit or "-",
                 specification.range_text or "any",
                 "yes" if specification.live else "no",

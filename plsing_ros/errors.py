@@ -33,3 +33,7 @@ class ParameterError(PlsingError):
 
 class SceneFileError(PlsingError):
     """A scene or parameter file that cannot be read or does not describe a scene."""
+
+
+class TransitionError(PlsingError):
+    """A transition of a node's lifecycle that failed at its start."""

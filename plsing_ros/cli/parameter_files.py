@@ -17,6 +17,7 @@ from plsing_ros.parameters import (
     SimulatorParameters,
     Specification,
 )
+from plsing_ros.parameters.node import AUTOSTART, AUTOSTART_DEFAULT
 
 NODES: dict[str, type[ParameterSet]] = {
     "feature_simulator": SimulatorParameters,
@@ -37,13 +38,17 @@ def parameter_file(node: str) -> str:
         f"/**/{node}:",
         "  ros__parameters:",
     ]
-    for name, (field, specification) in NODES[node].specifications().items():
+    for specification, default in node_parameters(node):
         comment = f"{specification.description}{_unit(specification)}. {_details(specification)}".strip()
         lines += textwrap.wrap(comment, 112, initial_indent="    # ", subsequent_indent="    # ")
-        default = field.default
-        # An empty array has no type in a parameter file, so it is refused there.
-        lines.append(f"    {'# ' if default == () else ''}{name}: {yaml_text(default)}")
+        lines.append(f"    {specification.name}: {yaml_text(default)}")
     return "\n".join(lines) + "\n"
+
+
+def node_parameters(node: str) -> list[tuple[Specification, Any]]:
+    """Return what is known of each parameter of a node, and its default."""
+    of_set = [(specification, field.default) for field, specification in NODES[node].specifications().values()]
+    return [(AUTOSTART, AUTOSTART_DEFAULT), *of_set]
 
 
 def generated_files() -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -91,30 +92,39 @@ class ServoController:
 
     @parameters.setter
     def parameters(self, parameters: ControllerParameters) -> None:
+        self.prepare(parameters)()
+
+    def prepare(self, parameters: ControllerParameters) -> Callable[[], None]:
+        """Return what puts changed parameters in force; a PlsingError if they are refused, with nothing changed."""
         before = self._parameters
         target, loci = self._target, self._loci
-        # Whatever raises comes first, so that a refused set changes nothing.
-        if before is None or _task(parameters) != _task(before):
+        new_task = before is None or _task(parameters) != _task(before)
+        if new_task:
             if parameters.target_source == "pose":
                 seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
                 target = Target(LineObservation.of_lines(seen), "target pose")
             loci = SceneLoci(parameters.lines()) if parameters.lines_points else None
-            self._estimator = None
         check = self._check
         if loci is not self._loci or parameters.tolerances != check.tolerances:
             check = ConsistencyCheck(None if loci is None else loci.lines, parameters.tolerances)
         replan = before is not None and detour_options(parameters) != detour_options(before)
-        self._stamp_filter.timeout = parameters.features_timeout
-        self._stamp_filter.future_tolerance = parameters.future_tolerance
-        self.gate.worst = Level[parameters.gate_level]
-        self.gate.set_times(parameters.gate_timeout, parameters.future_tolerance)
-        self._parameters, self._check = parameters, check
-        if target is not self._target or loci is not self._loci or replan:
-            self._target, self._loci = target, loci
-            self._restart()
-        elif self._cycle is not None:
-            self._cycle.parameters = parameters
-        self._check_target()
+
+        def put_in_force() -> None:
+            self._stamp_filter.timeout = parameters.features_timeout
+            self._stamp_filter.future_tolerance = parameters.future_tolerance
+            self.gate.worst = Level[parameters.gate_level]
+            self.gate.set_times(parameters.gate_timeout, parameters.future_tolerance)
+            self._parameters, self._check = parameters, check
+            if new_task:
+                self._estimator = None
+            if target is not self._target or loci is not self._loci or replan:
+                self._target, self._loci = target, loci
+                self._restart()
+            elif self._cycle is not None:
+                self._cycle.parameters = parameters
+            self._check_target()
+
+        return put_in_force
 
     @property
     def enabled(self) -> bool:

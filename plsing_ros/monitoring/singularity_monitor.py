@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy.typing as npt
@@ -78,7 +79,7 @@ class SingularityMonitor:
         self._alarm_state = AlarmState(Debounce(parameters.raise_cycles, parameters.lower_cycles))
         self._parameters = parameters
         self._use_scene(singular_set(parameters.lines()))
-        self._use_target(parameters)
+        self._set_target(_monitored_target(parameters))
         self._use(parameters)
 
     @property
@@ -93,27 +94,29 @@ class SingularityMonitor:
 
     @parameters.setter
     def parameters(self, parameters: MonitorParameters) -> None:
+        self.prepare(parameters)()
+
+    def prepare(self, parameters: MonitorParameters) -> Callable[[], None]:
+        """Return what puts changed parameters in force; a PlsingError if they are refused, with nothing changed."""
         before = self._parameters
         new_scene = parameters.scene != before.scene
-        # Whatever raises comes first, so that a refused set changes nothing.
+        new_target = new_scene or _target(parameters) != _target(before)
         singular = singular_set(parameters.lines()) if new_scene else self._singular_set
-        if new_scene or _target(parameters) != _target(before):
-            self._use_target(parameters)
-        if new_scene:
-            self._use_scene(singular)
-        self._use(parameters)
+        target = _monitored_target(parameters) if new_target else None
+
+        def put_in_force() -> None:
+            if new_target:
+                self._set_target(target)
+            if new_scene:
+                self._use_scene(singular)
+            self._use(parameters)
+
+        return put_in_force
 
     def _use_scene(self, singular: SingularSet) -> None:
         self._singular_set = singular
         self._approaches = ApproachTable(singular)
         self._forget()
-
-    def _use_target(self, parameters: MonitorParameters) -> None:
-        target = None
-        if parameters.target_known:
-            seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
-            target = MonitoredTarget(LineObservation.of_lines(seen), "target pose")
-        self._set_target(target)
 
     def _use(self, parameters: MonitorParameters) -> None:
         self._stamp_filter.timeout = parameters.features_timeout
@@ -365,3 +368,10 @@ class SingularityMonitor:
 
 def _target(parameters: MonitorParameters) -> tuple[object, ...]:
     return parameters.target_known, parameters.target_position, parameters.target_orientation
+
+
+def _monitored_target(parameters: MonitorParameters) -> MonitoredTarget | None:
+    if not parameters.target_known:
+        return None
+    seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
+    return MonitoredTarget(LineObservation.of_lines(seen), "target pose")

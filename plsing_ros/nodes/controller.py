@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -57,12 +56,9 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("controller", ControllerParameters, **options)
-        try:
-            self._servo = ServoController.from_parameters(self.parameters)
-        except PlsingError:
-            self.destroy_node()
-            raise
         parameters = self.parameters
+        # The operator's word outlives what configure makes.
+        self._enabled = True
         self._halt_messages = HaltMessages()
         self._latest: Command | None = None
         self._warning = ""
@@ -70,34 +66,54 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._twist_message = TwistStamped(header=Header(frame_id=parameters.tool_frame or parameters.camera_frame))
         self._twist = self.advertise(TwistStamped, "cmd_twist", qos.COMMAND)
         self._state = self.advertise(ControllerState, "~/state", qos.STATUS)
-        self.subscribe(LineFeatureArray, "line_features", self._or_halt(self._on_features), qos.SENSOR_DATA)
+        self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         # Where the target is a pose, the monitor learns from here where the task leads.
         self._desired: Publisher | None = None
         self._shown_target: Target | None = None
         if parameters.target_source == "topic":
-            self.subscribe(LineFeatureArray, "desired_line_features", self._or_halt(self._on_desired), qos.LATCHED)
+            self.subscribe(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
         else:
             self._desired = self.advertise(LineFeatureArray, "desired_line_features", qos.LATCHED)
         if parameters.gate == "status":
-            self.subscribe(SingularityStatus, "singularity_status", self._or_halt(self._on_status), qos.STATUS)
+            self.subscribe(SingularityStatus, "singularity_status", self._on_status, qos.STATUS)
         self._path = self.advertise(Path, "~/planned_path", qos.LATCHED)
         self._plan: Plan | None = None
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
-        self.create_service(SetBool, "~/enable", self._on_enable)
-        self.create_service(CheckTarget, "~/check_target", self._or_halt(self._on_check_target))
-        self.create_steady_timer(parameters.watchdog_period, self._or_halt(self._on_watchdog))
+        self.serve(SetBool, "~/enable", self._on_enable)
+        self.serve(CheckTarget, "~/check_target", self._on_check_target)
+        self.create_steady_timer(parameters.watchdog_period, self._on_watchdog)
+        self.start()
+
+    def configure(self) -> None:
+        """Compute the target's features and the scene's loci."""
+        self._servo = ServoController.from_parameters(self.parameters)
+        self._servo.enabled = self._enabled
+        self._latest = self._plan = self._shown_target = None
+        self._warning = ""
+
+    def activate(self) -> None:
+        """Say where it leads, and what is doubtful about it."""
         self._report_warning()
         self._show_target()
 
-    def apply(self, parameters: ControllerParameters) -> None:
-        """Use changed parameters from the next features on."""
-        self._servo.parameters = parameters
-        self._report_warning()
-        self._show_target()
-
-    def stop(self) -> None:
+    def deactivate(self, reason: str) -> None:
         """Command zero twist."""
-        self._command(self._servo.halt("the controller shuts down"), self.now())
+        self._command(self._servo.halt(reason), self.now())
+
+    def fail(self, reason: str) -> None:
+        """Command zero twist."""
+        self._command(self._servo.halt(reason), self.now())
+
+    def prepare(self, parameters: ControllerParameters) -> Callable[[], None]:
+        """Use changed parameters from the next features on."""
+        change_core = self._servo.prepare(parameters)
+
+        def put_in_force() -> None:
+            change_core()
+            if self.active:
+                self.activate()
+
+        return put_in_force
 
     def _on_features(self, message: LineFeatureArray) -> None:
         stamp = nanoseconds(message.header.stamp)
@@ -120,7 +136,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._servo.gate.receive(message.level, message.reason, nanoseconds(message.header.stamp), self.now())
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._servo.enabled = request.data
+        self._servo.enabled = self._enabled = request.data
         response.success, response.message = True, "enabled" if request.data else "disabled: zero twist"
         return response
 
@@ -146,20 +162,6 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         command = self._servo.silence(self.now())
         if command is not None:
             self._command(command, self.now())
-
-    def _or_halt(self, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a callback that commands zero if it fails by a fault of our own, and lets the node go on."""
-
-        def guarded(*arguments: Any) -> Any:
-            try:
-                return callback(*arguments)
-            except Exception as error:
-                self.get_logger().error(traceback.format_exc(), throttle_duration_sec=1.0)
-                self._command(self._servo.halt(f"a fault in the controller itself: {error!r}"), self.now())
-                # What a service answers; a subscription returns nothing.
-                return arguments[-1] if arguments else None
-
-        return guarded
 
     def _command(self, command: Command, stamp: int) -> None:
         if self._halt_messages.to_be_published(command, self.parameters.zero_twists):

@@ -30,7 +30,7 @@ class Diagnostics:
         self._cycles, self._latency, self._since = 0, 0.0, time.monotonic()
         # The absolute name that diagnostic tools listen to; it can still be remapped.
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        node.create_steady_timer(PERIOD, self._publish)
+        node.create_steady_timer(PERIOD, self._publish, also_inactive=True)
 
     def count(self, stamp: int) -> None:
         """Count a cycle that answered input of that stamp [ns]."""
@@ -40,7 +40,10 @@ class Diagnostics:
     def _publish(self) -> None:
         now = time.monotonic()
         rate = self._cycles / (now - self._since)
-        level, message, values = self._report()
+        if self._node.active:
+            level, message, values = self._report()
+        else:
+            level, message, values = DiagnosticStatus.STALE, self._node.state_label, {}
         shown = {"rate [Hz]": f"{rate:.1f}", "largest latency [s]": f"{self._latency:.4f}", **values}
         self._cycles, self._latency, self._since = 0, 0.0, now
         status = DiagnosticStatus(

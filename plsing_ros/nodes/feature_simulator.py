@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -36,7 +36,6 @@ class FeatureSimulatorNode(ParameterizedNode[SimulatorParameters]):
         super().__init__("feature_simulator", SimulatorParameters, **options)
         parameters = self.parameters
         self._lockstep = parameters.mode == "lockstep"
-        self._simulation = Simulation(parameters)
         # The messages of each frame are made once and filled again: to make one takes longer than to send it.
         self._in_scene = Header(frame_id=parameters.scene_frame)
         self._clock_message = Clock()
@@ -50,17 +49,27 @@ class FeatureSimulatorNode(ParameterizedNode[SimulatorParameters]):
         )
         self.subscribe(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
-        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.serve(Trigger, "~/reset", self._on_reset)
         if self._lockstep:
             if parameters.wait_for_status:
                 self.subscribe(SingularityStatus, "singularity_status", self._on_status, qos.STATUS)
             self.create_steady_timer(parameters.resend_period, self._on_resend_timer)
         else:
-            self.create_timer(parameters.time_step, self._on_step_timer)
+            self.create_timer(parameters.time_step, self.guarded(self._on_step_timer))
+        self.start()
 
-    def apply(self, parameters: SimulatorParameters) -> None:
+    def configure(self) -> None:
+        """Put the camera at its start."""
+        self._simulation = Simulation(self.parameters)
+
+    def fail(self, reason: str) -> None:
+        """Let the camera stand still."""
+        self._simulation.refuse_twist(reason)
+        self._publish_state(self._simulation.frame())
+
+    def prepare(self, parameters: SimulatorParameters) -> Callable[[], None]:
         """Use a changed scene or noise from the next frame on, a changed start pose at the next reset."""
-        self._simulation.apply(parameters)
+        return self._simulation.prepare(parameters)
 
     def _on_twist(self, message: TwistStamped) -> None:
         try:

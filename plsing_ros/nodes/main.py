@@ -21,10 +21,11 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
-from plsing_ros.errors import PlsingError
+from plsing_ros.errors import PlsingError, TransitionError
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.shared_memory import clear_half_made_ports
 
+FAILED_AT_START = 1
 BAD_INPUT = 2
 
 # After a signal a node goes on for at most this time [s].
@@ -91,7 +92,8 @@ def run_nodes(
         argv: Command line without the program's name; that of the process if not given.
 
     Returns:
-        0 after a signal; 2 with one line on standard error if a parameter, parameter file or ROS argument is bad.
+        0 after a signal; 2 with one line on standard error if a parameter, parameter file or ROS argument is bad; 1
+        with one line if a node cannot be configured or activated.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     context = Context()
@@ -113,7 +115,7 @@ def run_nodes(
             rclpy.shutdown(context=context)
         # What follows in rcl's messages is a place in its source.
         print(f"{parser.prog}: {str(error).split(', at /')[0].splitlines()[0]}", file=sys.stderr)
-        return BAD_INPUT
+        return FAILED_AT_START if isinstance(error, TransitionError) else BAD_INPUT
     executor = make_executor(options.executor, context)
     for node in nodes:
         executor.add_node(node)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -37,11 +37,6 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("pose_estimator", PoseEstimatorParameters, **options)
-        try:
-            self._tracking = PoseTracker(self.parameters)
-        except PlsingError:
-            self.destroy_node()
-            raise
         self._latest: TrackedPose | None = None
         self._pose = self.advertise(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
         self._completed = self.advertise(LineFeatureArray, "completed_line_features", qos.SENSOR_DATA)
@@ -49,10 +44,24 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         self.create_steady_timer(self.parameters.watchdog_period, self._on_watchdog)
+        self.start()
 
-    def apply(self, parameters: PoseEstimatorParameters) -> None:
+    def configure(self) -> None:
+        """Prepare the scene for the search of poses."""
+        self._tracking = PoseTracker(self.parameters)
+        self._latest = None
+
+    def deactivate(self, reason: str) -> None:
+        """Say that no pose is known any more."""
+        self.fail(reason)
+
+    def fail(self, reason: str) -> None:
+        """Publish that there is no pose."""
+        self._publish(self._tracking.fail(reason), self.now())
+
+    def prepare(self, parameters: PoseEstimatorParameters) -> Callable[[], None]:
         """Use changed parameters from the next features on."""
-        self._tracking.parameters = parameters
+        return self._tracking.prepare(parameters)
 
     def _on_features(self, message: LineFeatureArray) -> None:
         stamp = nanoseconds(message.header.stamp)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -48,13 +48,10 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("singularity_monitor", MonitorParameters, **options)
-        try:
-            self._monitor = Monitor.from_parameters(self.parameters)
-        except PlsingError:
-            self.destroy_node()
-            raise
         self._latest: Assessment | None = None
         self._drawn: Assessment | None = None
+        # The operator's word outlives what configure makes.
+        self._enabled = True
         self._status = self.advertise(SingularityStatus, "singularity_status", qos.STATUS)
         self._alerts = self.advertise(SingularityAlert, "singularity_alerts", qos.LATCHED)
         self._loci = self.advertise(SingularLoci, "singular_loci", qos.LATCHED)
@@ -65,18 +62,41 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         self.subscribe(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
         self.subscribe(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
         self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
-        self.create_service(SetBool, "~/enable", self._on_enable)
-        self.create_service(CheckPose, "~/check_pose", self._on_check_pose)
+        self.serve(SetBool, "~/enable", self._on_enable)
+        self.serve(CheckPose, "~/check_pose", self._on_check_pose)
         self.create_steady_timer(self.parameters.heartbeat_period, self._on_heartbeat)
         self.create_steady_timer(self.parameters.marker_period, self._on_marker_timer)
+        self.start()
+
+    def configure(self) -> None:
+        """Compute the singular set of the scene."""
+        self._monitor = Monitor.from_parameters(self.parameters)
+        self._monitor.enabled = self._enabled
+        self._latest = self._drawn = None
+
+    def activate(self) -> None:
+        """Publish the singular set."""
         self._publish_scene()
 
-    def apply(self, parameters: MonitorParameters) -> None:
+    def deactivate(self, reason: str) -> None:
+        """Say that nobody watches any more."""
+        self.fail(reason)
+
+    def fail(self, reason: str) -> None:
+        """Publish that the level is not known."""
+        self._publish(self._monitor.unusable(reason, self.now()))
+
+    def prepare(self, parameters: MonitorParameters) -> Callable[[], None]:
         """Use changed parameters from the next features on; a changed scene has its loci computed and published."""
         before = self._monitor.singular_set
-        self._monitor.parameters = parameters
-        if self._monitor.singular_set is not before:
-            self._publish_scene()
+        change_core = self._monitor.prepare(parameters)
+
+        def put_in_force() -> None:
+            change_core()
+            if self.active and self._monitor.singular_set is not before:
+                self._publish_scene()
+
+        return put_in_force
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         try:
@@ -118,7 +138,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
             self._publish(assessment)
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._monitor.enabled = request.data
+        self._monitor.enabled = self._enabled = request.data
         response.success, response.message = True, "enabled" if request.data else "disabled: level DISABLED"
         return response
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from plsing_ros.features import LineObservation, LinesVerdict
@@ -48,11 +49,20 @@ class PoseTracker:
 
     @parameters.setter
     def parameters(self, parameters: PoseEstimatorParameters) -> None:
-        self._estimator = PoseEstimator(parameters.lines(), parameters)
-        self._last: tuple[int, PoseEstimate] | None = None
-        self._stamp_filter.timeout = parameters.features_timeout
-        self._stamp_filter.future_tolerance = parameters.future_tolerance
-        self._parameters = parameters
+        self.prepare(parameters)()
+
+    def prepare(self, parameters: PoseEstimatorParameters) -> Callable[[], None]:
+        """Return what puts changed parameters in force; a PlsingError if they are refused, with nothing changed."""
+        estimator = PoseEstimator(parameters.lines(), parameters)
+
+        def put_in_force() -> None:
+            self._estimator = estimator
+            self._last: tuple[int, PoseEstimate] | None = None
+            self._stamp_filter.timeout = parameters.features_timeout
+            self._stamp_filter.future_tolerance = parameters.future_tolerance
+            self._parameters = parameters
+
+        return put_in_force
 
     def track(self, observation: LineObservation, stamp: int, now: int) -> TrackedPose:
         """Return the pose of an image.

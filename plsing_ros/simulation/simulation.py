@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,20 +65,23 @@ class Simulation:
         self._idle = True
         self._observation = self._observe()
 
-    def apply(self, parameters: SimulatorParameters) -> None:
-        """Use a changed scene and noise from the next frame on, and a changed start pose at the next reset.
+    def prepare(self, parameters: SimulatorParameters) -> Callable[[], None]:
+        """Return what uses a changed scene and noise from the next frame on, and a changed start at the next reset.
 
         Raises:
             GeometryError: If the scene is too far away to be seen from there, or from where the camera is.
         """
         lines = parameters.lines()
-        # Whatever raises comes first, and not in a frame.
         for pose in (self._camera.T_world_camera, parameters.start_pose()):
             lines.transformed(pose.inverse(), parameters.camera_frame)
-        self._camera.lines = lines
-        self._camera.noise = parameters.noise
-        self._camera.noise_on = parameters.noise_on
-        self._parameters = parameters
+
+        def put_in_force() -> None:
+            self._camera.lines = lines
+            self._camera.noise = parameters.noise
+            self._camera.noise_on = parameters.noise_on
+            self._parameters = parameters
+
+        return put_in_force
 
     def reset(self) -> None:
         """Put the camera back to its start, at rest; the time goes on, so that stamps never go back."""

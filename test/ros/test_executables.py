@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from builders import twist_values
 from geometry_msgs.msg import TwistStamped
+from lifecycle_msgs.srv import ChangeState, GetState
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus
 from plsing_ros.nodes import qos
@@ -141,7 +142,7 @@ def serve():
 
 def create(**options):
     node = ControllerNode(**options)
-    node.every(0.001, serve)
+    node.create_steady_timer(0.001, serve)
     return node
 
 sys.exit(run_node(create, "", ""))
@@ -214,11 +215,13 @@ def test_a_container_refuses_bad_input_of_any_of_its_nodes(start, arguments, mes
         (PAPER + ["-p", "gian:=1.0"], "unknown parameter 'gian'"),
         (PAPER + ["-p", "scene_frame:=1.0"], "parameter 'scene_frame' is 1.0; it must be a text"),
         ([], "no scene given; start the node with a parameter file"),
-        (["--ros-args", "-p", "lines.points:=[]"], "a parameter is given as an empty list, which has no type in ROS"),
+        (["--ros-args", "-p", "lines.points:=[]"], "no scene given; start the node with a parameter file"),
+        (PAPER + ["-p", "scene_frame:=[]"], "parameter 'scene_frame' is given without a value, or as an empty list"),
+        (PAPER + ["-p", "autostart:=5"], "autostart"),
         (["--ros-args", "--params-file", "/nowhere.yaml"], "/nowhere.yaml"),
         (["--ros-args", "-p", "nonsense"], "nonsense"),
     ],
-    ids=["unknown", "wrong type", "no scene", "empty list", "no file", "bad argument"],
+    ids=["unknown", "wrong type", "no scene", "empty scene", "empty list", "autostart", "no file", "bad argument"],
 )
 def test_bad_input_is_one_line_and_exit_code_2(start, name, arguments, message):
     process = start(name, *arguments)
@@ -228,6 +231,28 @@ def test_bad_input_is_one_line_and_exit_code_2(start, name, arguments, message):
     assert "Traceback" not in output
     assert len(output.strip().splitlines()) == 1, output
     assert output.startswith(f"{name}: ")
+
+
+def test_a_node_that_cannot_be_configured_is_one_line_and_exit_code_1(start):
+    ids = [f"lines.{each}" for each in ("points", "directions", "ids")]
+    values = ["[0, 0, 0, 0, 0, 2, 3, 5, 0]", "[1, 0, 0, 4, -5, 0, 3, 7, 3]", "[1, 2, 3]"]
+    scene = [each for pair in zip(ids, values, strict=True) for each in ("-p", ":=".join(pair))]
+    process = start("controller", *PAPER, *scene, "-p", "target.position:=[3, 0, 0]")
+    assert process.wait(30.0) == 1, output_of(process)
+    output = output_of(process)
+    assert output.startswith("controller: ") and "only 2 usable line(s)" in output
+    assert len(output.strip().splitlines()) == 1, output
+
+
+def test_without_autostart_it_waits_for_its_transitions_and_ends_at_a_signal(ros, start):
+    process = start("controller", *PAPER, "-p", "autostart:=false")
+    for label, state in (("configure", "inactive"), ("activate", "active"), ("deactivate", "inactive")):
+        request = ChangeState.Request()
+        request.transition.label = label
+        assert ros.call(ChangeState, "controller/change_state", request, 30.0).success
+        assert ros.call(GetState, "controller/get_state", GetState.Request()).current_state.label == state
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(30.0) == 0, output_of(process)
 
 
 @pytest.mark.parametrize("name", [*NODES, "demo", "analyze"])

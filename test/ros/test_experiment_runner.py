@@ -9,11 +9,12 @@ from paper.document import max_difference, runs_agree
 from paper.tasks import QUADRIFOLIA, STARTS_FIVE, STARTS_FOUR, TRAJECTORIES, paper_tasks
 from plsing_msgs.msg import ControllerState, LineFeatureArray
 from plsing_ros.errors import PlsingError
-from plsing_ros.nodes import qos, task_loop
+from plsing_ros.nodes import qos
 from plsing_ros.planning.camera_path import SpeedLimits
 from plsing_ros.planning.detour import DetourOptions
 from plsing_ros.simulation import servo_run as core_run
 from plsing_ros.simulation.servo_run import run_in_core
+from plsing_ros.testing import experiment_runner
 from plsing_ros.testing.experiment_runner import run_in_nodes
 from plsing_ros.testing.harness import Harness
 
@@ -84,7 +85,7 @@ def test_an_overtaken_target_is_noticed():
     with Harness(log_level="FATAL") as ros:
         ros.collect(LineFeatureArray, "line_features")
         ros.collect(LineFeatureArray, "desired_line_features", qos.LATCHED)
-        source = task_loop._TargetSource(ros, task)
+        source = experiment_runner._TargetSource(ros, task)
         state = ControllerState(mode=ControllerState.MODE_SERVOING, error_norm=0.5)
         state.header.stamp.sec = 1
         source._error_norms[1_000_000_000] = 0.5

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import yaml
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
-from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParametersAtomically
+from rclpy.parameter import parameter_value_to_python
 
 from plsing_msgs.msg import SingularLoci
 from plsing_ros.errors import ParameterError
@@ -156,6 +158,72 @@ def test_a_whole_number_is_taken_for_a_length(ros, paper):
     assert node.parameters.warn_transversal_distance == 2.0
 
 
+def test_whole_numbers_are_taken_for_a_position(ros, paper, tmp_path):
+    file = tmp_path / "whole.yaml"
+    text = paper.read_text().replace("position: [0.6962, -4.637, 7.8]", "position: [1, 2, 3]")
+    file.write_text(text.replace("gain: 0.1", "gain: 2"))
+    node = ros.add(ControllerNode, file)
+    assert node.parameters.target_position == (1.0, 2.0, 3.0) and node.parameters.gain == 2.0
+    assert set_live(ros, "controller", target__position=[4, 5, 6]).successful
+    assert node.parameters.target_position == (4.0, 5.0, 6.0)
+    assert list(node.get_parameter("target.position").value) == [4.0, 5.0, 6.0]
+
+
+@pytest.mark.parametrize("value", ["hello", True, [1.0, 2.0]])
+def test_a_value_of_another_type_is_refused_and_leaves_the_described_type(ros, paper, value):
+    node = ros.add(ControllerNode, paper)
+    assert not set_live(ros, "controller", gain=value).successful
+    request = DescribeParameters.Request(names=["gain"])
+    described = ros.call(DescribeParameters, "controller/describe_parameters", request).descriptors[0]
+    assert described.type == ParameterType.PARAMETER_DOUBLE and not described.dynamic_typing
+    assert node.get_parameter("gain").value == node.parameters.gain == 0.1
+
+
+def test_an_unknown_name_is_refused_live_with_the_nearest_one(ros, paper):
+    ros.add(ControllerNode, paper)
+    refused = set_live(ros, "controller", gian=1.0)
+    assert not refused.successful and "did you mean 'gain'?" in refused.reason
+
+
+def test_ids_can_be_taken_back_with_an_empty_list_of_any_type(ros, paper):
+    node = ros.add(ControllerNode, paper, {"lines.ids": [5, 6, 7, 8]})
+    empty = ParameterValue(type=ParameterType.PARAMETER_BOOL_ARRAY)  # what `ros2 param set ... "[]"` sends
+    request = SetParametersAtomically.Request(parameters=[ParameterMessage(name="lines.ids", value=empty)])
+    assert ros.call(SetParametersAtomically, "controller/set_parameters_atomically", request).result.successful
+    assert node.parameters.lines_ids == () and node.parameters.lines().ids == (1, 2, 3, 4)
+
+
+def dump(ros, name):
+    """What `ros2 param dump` prints: all parameters as the services tell them, nested at their dots."""
+    names = ros.call(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names
+    values = ros.call(GetParameters, f"{name}/get_parameters", GetParameters.Request(names=names)).values
+    nested = {}
+    for parameter, value in zip(names, values, strict=True):
+        *path, leaf = parameter.split(".")
+        inner = nested
+        for key in path:
+            inner = inner.setdefault(key, {})
+        inner[leaf] = parameter_value_to_python(value)
+    return yaml.dump({f"/{name}": {"ros__parameters": nested}}, default_flow_style=False)
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_a_node_loads_its_own_dump(ros, paper, tmp_path, node):
+    gain = {"gain": 1e-6} if node is ControllerNode else {}
+    first = ros.add(node, paper, gain)
+    dumped = dump(ros, first.get_name())
+    before = first.parameters
+    ros.remove(first)
+    for text in (dumped, dumped.replace("1.0e-06", "1e-06")):
+        file = tmp_path / "dump.yaml"
+        file.write_text(text)
+        again = ros.add(node, file)
+        assert again.parameters == before
+        assert not gain or again.parameters.gain == 1e-6
+        assert dump(ros, again.get_name()) == dumped
+        ros.remove(again)
+
+
 def test_what_is_fixed_at_the_start_cannot_be_changed(ros, paper):
     ros.add(FeatureSimulatorNode, paper)
     assert not set_live(ros, "feature_simulator", time_step=0.1).successful
@@ -186,3 +254,4 @@ def test_every_parameter_is_described(ros, paper, node):
         assert not specification.unit or f"[{specification.unit}]" in descriptor.description
         assert descriptor.additional_constraints == specification.range_text
         assert descriptor.read_only is not specification.live
+        assert not descriptor.dynamic_typing and descriptor.type != ParameterType.PARAMETER_NOT_SET
