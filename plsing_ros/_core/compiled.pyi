@@ -4,7 +4,12 @@ Arrays are C-contiguous and float64 or complex128, and what comes back is new. A
 ValueError; None comes back for what has no answer. SI units, (v, omega) for twists, (direction, moment) for lines.
 """
 
-from plsing_ros.arrays import Array
+import numpy as np
+import numpy.typing as npt
+
+from plsing_ros.arrays import Array, BoolArray
+
+IndexArray = npt.NDArray[np.intp]
 
 # lines.cpp
 
@@ -118,6 +123,150 @@ def mean_interaction(image: Array, target_image: Array, interaction: Array, targ
         target_interaction: L*, likewise.
 
     Source: docs/controller.md.
+    """
+
+# minimal_solver.cpp
+
+def triplet_rotations(directions: Array, normals: Array) -> tuple[Array, IndexArray, BoolArray]:
+    """Return all rotations R_camera_world with n_i . (R u_i) = 0 for the three lines of each of T triplets.
+
+    Args:
+        directions: Unit directions u_i, shape (T, 3, 3).
+        normals: Unit normals n_i of the lines' interpretation planes in the camera frame, shape (T, 3, 3).
+
+    Returns:
+        The rotations, one triplet after the other, shape (k, 3, 3), k <= 8 T: a pair of complex solutions counts as
+        one, its nearest real rotation, as noise turns the two solutions near a singularity of the triplet into such a
+        pair; the triplet of each, shape (k,); which triplets any rotation about an axis solves, shape (T,).
+
+    Source: the eight solutions are those of Chen 1991 and of Xu, Zhang, Cheng, Koch 2017; the sampling is new,
+    docs/pose.md section "Three lines".
+    """
+
+def translations(rotation: Array, normals: Array, points: Array) -> Array:
+    """Return the least-squares t of n_i . (R x_i + t) = 0 of n lines, for k rotations, shape (k, 3) [m].
+
+    Where the planes leave a direction of t open, its component along it is zero.
+
+    Args:
+        rotation: R_camera_world, shape (k, 3, 3).
+        normals: Unit normals of the interpretation planes in the camera frame, shape (n, 3).
+        points: A point x_i of each line in the world, shape (n, 3) [m].
+    """
+
+# image_residuals.cpp and pose_estimation.cpp: an image of n lines is given by
+#   lines: unit directions and moments [m] in the world, shape (n, 6), n >= 1;
+#   image_lines: observed l', shape (n, 3);
+#   settings: standard deviations of image lines and of Plücker coordinates in the world and in the camera frame, and
+#     the cosine of half of the field of view, shape (4,);
+# and k poses T_camera_world by rotation (k, 3, 3) and translation (k, 3) [m].
+
+def image_residuals(lines: Array, image_lines: Array, settings: Array, rotation: Array, translation: Array) -> Array:
+    """Return what poses make of image lines, shape (k, 7, n).
+
+    Of each line: angle [rad] and offset minus the observed ones; the same whitened, uncorrelated and in standard
+    deviations; 1 if it is seen against its direction; 1 if it has no part that can be seen; logarithm of its
+    covariance's determinant.
+
+    Source: eq. plucker2dline in the coordinates (angle, offset) of an image line, and its covariance: docs/pose.md.
+    """
+
+def image_jacobians(
+    lines: Array, image_lines: Array, settings: Array, rotation: Array, translation: Array
+) -> tuple[Array, Array]:
+    """Return the derivatives of angle and offset, and of the same whitened, shapes (k, 2, n, 6).
+
+    By the twist (v, omega) of the camera in its own frame.
+
+    Source: eq. MPlucker in the coordinates (angle, offset) of an image line: docs/pose.md.
+    """
+
+def refine_poses(
+    lines: Array,
+    image_lines: Array,
+    settings: Array,
+    weight: Array,
+    rotation: Array,
+    translation: Array,
+    iterations: int,
+) -> tuple[Array, Array, Array, Array]:
+    """Return poses after Levenberg-Marquardt steps, each until it is at a minimum of the misfit.
+
+    Args:
+        lines: See above, like image_lines and settings.
+        image_lines: Of the lines.
+        settings: Noise and field of view.
+        weight: Of each line for each pose, 0 or 1, shape (k, n).
+        rotation: To begin with.
+        translation: Likewise.
+        iterations: At most so many steps.
+
+    Returns:
+        Rotations and translations; by how much the last step would have lowered the sum of squared residuals had they
+        been linear, shape (k,), infinite without a step; 1 for poses at a minimum, else 0, shape (k,).
+
+    Source: the undamped, unweighted step is Marchand and Chaumette's virtual visual servoing (section "Pose Estimation
+    along a quadrifolium trajectory"); the damping is Levenberg's and Marquardt's.
+    """
+
+def search_poses(
+    lines: Array, image_lines: Array, settings: Array, rotation: Array, translation: Array, costs: Array
+) -> list[tuple[Array, Array, float, int]]:
+    """Refine the best of k first estimates on all lines, and return the poses that explain the image, best first.
+
+    Cheap ones that differ are refined together, in stages; those that cannot catch up any more are dropped.
+
+    Args:
+        lines: See above, like image_lines and settings.
+        image_lines: Of the lines.
+        settings: Noise and field of view.
+        rotation: First estimates.
+        translation: Likewise.
+        costs: Of a line that cannot be seen, and of one that is seen against its direction, shape (2,).
+
+    Returns:
+        Up to six times rotation (3, 3), translation (3,), -2 log of the likelihood up to a constant, and the row of the
+        first estimate it comes from.
+    """
+
+def cheapest_different(rotation: Array, cost: Array, most: int) -> IndexArray:
+    """Return the rows of up to `most` of the cheapest poses whose rotations differ, cheapest first.
+
+    Looked at are the 24 cheapest.
+
+    Args:
+        rotation: Shape (k, 3, 3).
+        cost: Shape (k,).
+        most: See above.
+    """
+
+def pose_uncertainty(
+    lines: Array, image_lines: Array, settings: Array, rotation: Array, translation: Array, weight: Array
+) -> tuple[Array, Array, Array, float, float, float, float, float] | None:
+    """Return the uncertainty of a pose at a minimum of the misfit, or None if it is not determined.
+
+    Args:
+        lines: See above, like image_lines and settings.
+        image_lines: Of the lines.
+        settings: Noise and field of view.
+        rotation: Shape (3, 3).
+        translation: Shape (3,) [m].
+        weight: Of each line, 0 or 1, shape (n,).
+
+    Returns:
+        Standard deviations along the axes, largest first, shape (6,); the axes, unit twists (v, omega) of the camera in
+        its frame, as rows, shape (6, 6); covariance as in geometry_msgs/PoseWithCovariance, shape (6, 6); standard
+        deviations of position [m] and orientation [rad] in their worst directions; the largest relative difference of
+        the misfit from a quadratic two standard deviations away, both ways along the two weakest axes, at most 1e6;
+        inverse condition number of the interaction matrix; sum of squared residuals.
+
+    Source: first-order propagation, docs/pose.md.
+    """
+
+def same_pose(rotation: Array, center: Array, other_rotation: Array, other_center: Array, tolerance: float) -> bool:
+    """Return whether two poses differ by less than a tolerance, in every element.
+
+    The centre's tolerance is this times (1 m + the first centre's largest element).
     """
 
 # monitoring.cpp

@@ -5,6 +5,8 @@ namespace plsing {
 void bind_lines(py::module_ &module);
 void bind_features(py::module_ &module);
 void bind_monitoring(py::module_ &module);
+void bind_minimal_solver(py::module_ &module);
+void bind_pose_estimation(py::module_ &module);
 }  // namespace plsing
 
 PYBIND11_MODULE(compiled, module)
@@ -13,4 +15,6 @@ PYBIND11_MODULE(compiled, module)
     plsing::bind_lines(module);
     plsing::bind_features(module);
     plsing::bind_monitoring(module);
+    plsing::bind_minimal_solver(module);
+    plsing::bind_pose_estimation(module);
 }

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.pose.residuals import ImageResiduals
 
@@ -47,7 +45,5 @@ def uncertainty(image: ImageResiduals, rotation: Array, translation: Array, weig
 
     Source: first-order propagation, docs/pose.md.
     """
-    deviation, axes, covariance, figures = np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(5)
-    if not kernels.pose_uncertainty(*image.known, rotation, translation, weight, deviation, axes, covariance, figures):
-        return None
-    return Uncertainty(deviation, axes, covariance, *figures.tolist())
+    found = _core.pose_uncertainty(*image.known, rotation, translation, weight)
+    return None if found is None else Uncertainty(*found)

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.rotations import rotation_vector
-from plsing_ros.kernels.search import EQUAL, same_pose
 from plsing_ros.parameters.options import parameters_from_options
 from plsing_ros.parameters.pose_estimator import EstimationParameters
 from plsing_ros.pose.covariance import Uncertainty, uncertainty
@@ -27,6 +27,8 @@ from plsing_ros.pose.visible_lines import VisibleLines
 _MAX_SCENES = 64
 # Two poses differ when the covariance puts them apart by more than this, squared.
 _APART = 9.0
+# Refined poses that differ by less, as _core.same_pose has it, are the same.
+_EQUAL = 1e-3
 
 
 def estimate_pose(lines: LineSet, observation: LineObservation, **options: Any) -> PoseEstimate:
@@ -207,4 +209,4 @@ def _within(hypothesis: Hypothesis, last: Pose, distance: float, angle: float) -
 
 
 def _same(first: Hypothesis, second: Hypothesis) -> bool:
-    return same_pose((first.rotation, first.center), (second.rotation, second.center), EQUAL)
+    return _core.same_pose(first.rotation, first.center, second.rotation, second.center, _EQUAL)

@@ -8,15 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray
-from plsing_ros.kernels.search import FOUND_COLUMNS, MOST_FOUND, different_poses
 from plsing_ros.pose.refinement import refine
 from plsing_ros.pose.residuals import ImageResiduals, Residuals
 
 # Rounds of refining and choosing the lines anew, and iterations in each.
 _OUTLIER_ROUNDS, _OUTLIER_ITERATIONS = 8, 5
 _LAST_ITERATIONS = 40
+# First estimates that are tried with lines left out.
+_MAX_FIRST_ESTIMATES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,20 +83,12 @@ class Costs:
 
 def all_lines_hypotheses(image: ImageResiduals, rotation: Array, translation: Array, costs: Costs) -> list[Hypothesis]:
     """Return refined poses that rest on all lines, best first; see outlier_hypotheses for the arguments."""
-    found = np.empty((MOST_FOUND, FOUND_COLUMNS))
-    count = kernels.search_poses(*image.known, rotation, translation, np.array([costs.outlier, costs.reversal]), found)
     weight = np.ones(image.count)
-    start = [int(i) for i in found[:count, 13].tolist()]
     return [
-        Hypothesis(
-            image,
-            found[i, :9].reshape(3, 3),
-            found[i, 9:12],
-            weight,
-            float(found[i, 12]),
-            (rotation[start[i]], translation[start[i]]),
+        Hypothesis(image, refined_rotation, refined_translation, weight, cost, (rotation[start], translation[start]))
+        for refined_rotation, refined_translation, cost, start in _core.search_poses(
+            *image.known, rotation, translation, np.array([costs.outlier, costs.reversal])
         )
-        for i in range(count)
     ]
 
 
@@ -116,7 +109,7 @@ def outlier_hypotheses(image: ImageResiduals, rotation: Array, translation: Arra
     residuals = image.at(rotation, translation)
     each = costs.of_lines(residuals) + residuals.log_determinant
     cost = np.sort(each, axis=1)[:, :enough].sum(axis=1)
-    chosen = different_poses(rotation, cost, 2 * MOST_FOUND)
+    chosen = _core.cheapest_different(rotation, cost, _MAX_FIRST_ESTIMATES)
     rotation, translation = rotation[chosen], translation[chosen]
     start = (rotation, translation)
     weight = (np.argsort(np.argsort(each[chosen], axis=1), axis=1) < enough).astype(float)

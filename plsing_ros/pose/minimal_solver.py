@@ -7,20 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray, checked_array, cross
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.kernels.rotations import rotations_near
-from plsing_ros.kernels.search import same_pose
-from plsing_ros.kernels.triplets import SAMPLING, rotations_to_z
 
 # Below this, relative to what generic lines give, the polynomial or a cross product counts as zero.
 _DEGENERATE = 1e-10
 # Largest |n . R u| of a rotation, and largest |n . (R x + t)| over the size of the scene, of a pose that is a solution.
 _SOLVED = 1e-9
-# Solutions that differ by less, as same_pose has it, are the same.
+# Solutions that differ by less, as _core.same_pose has it, are the same.
 _EQUAL = 1e-7
 
 
@@ -30,14 +28,12 @@ class TripletDirections:
 
     Attributes:
         rows: Rows of the three lines in the scene, the pivot first, shape (T, 3).
-        frame: Rotation that takes the pivot's direction to the x axis, shape (T, 3, 3).
-        others: Directions of the other two in that frame, shape (T, 2, 3).
+        directions: Unit directions of its lines, shape (T, 3, 3).
         degenerate: Triplets whose directions fix no rotation, as all three are parallel, shape (T,).
     """
 
     rows: npt.NDArray[np.intp]
-    frame: Array
-    others: Array
+    directions: Array
     degenerate: BoolArray
 
     @classmethod
@@ -53,23 +49,21 @@ class TripletDirections:
         # The pivot is the line least parallel to the other two; the other two may even be parallel.
         pivot = np.argmax(np.minimum(across, across.take([2, 0, 1], axis=1)), axis=1)
         rows = np.take_along_axis(rows, (pivot[:, np.newaxis] + np.arange(3)) % 3, axis=1)
-        u = directions[rows]
-        frame = np.ascontiguousarray(rotations_to_z(u[:, 0])[:, [2, 0, 1]])
-        return cls(rows, frame, u[:, 1:] @ frame.transpose(0, 2, 1), across.max(axis=1) < _DEGENERATE)
+        return cls(rows, directions[rows], across.max(axis=1) < _DEGENERATE)
 
 
 class TripletRotations(NamedTuple):
     """Rotations R_camera_world with n_i . (R u_i) = 0 for the three lines of a triplet, of several triplets.
 
     Attributes:
-        rotation: Of one triplet after the other, shape (k, 3, 3); see kernels.triplet_rotations.
-        triplet: Row of the triplet each belongs to, shape (k,): whole numbers, as floats like all that kernels fill.
+        rotation: Of one triplet after the other, shape (k, 3, 3); see _core.triplet_rotations.
+        triplet: Row of the triplet each belongs to, shape (k,).
         degenerate: Triplets without finitely many solutions, shape (T,).
     """
 
     rotation: Array
-    triplet: Array
-    degenerate: Array
+    triplet: npt.NDArray[np.intp]
+    degenerate: BoolArray
 
 
 def rotations_from_triplets(image_normals: Array, triplets: TripletDirections) -> TripletRotations:
@@ -79,15 +73,10 @@ def rotations_from_triplets(image_normals: Array, triplets: TripletDirections) -
         image_normals: Unit normals of the lines' interpretation planes in the camera frame, shape (n, 3).
         triplets: Of the scene.
 
-    Source: docs/pose.md section "Three lines", see kernels.triplet_rotations; the paper uses RPnL (section "Pose
+    Source: docs/pose.md section "Three lines", see _core.triplet_rotations; the paper uses RPnL (section "Pose
     Estimation along a quadrifolium trajectory").
     """
-    count = len(triplets.rows)
-    rotation, triplet, degenerate = np.empty((8 * count, 3, 3)), np.empty(8 * count), np.empty(count)
-    found = kernels.triplet_rotations(
-        triplets.frame, triplets.others, image_normals[triplets.rows], SAMPLING, rotation, triplet, degenerate
-    )
-    return TripletRotations(rotation[:found], triplet[:found], degenerate)
+    return TripletRotations(*_core.triplet_rotations(triplets.directions, image_normals[triplets.rows]))
 
 
 def solve_three_lines(image_lines: npt.ArrayLike, lines: LineSet) -> list[Pose]:
@@ -131,8 +120,8 @@ def solve_three_lines(image_lines: npt.ArrayLike, lines: LineSet) -> list[Pose]:
     poses: list[tuple[Array, Array]] = []
     for i in np.flatnonzero(residual <= _SOLVED):
         R, t = rotation[i], translation[i]
-        pose = R.T, center - R.T @ t
-        if not any(same_pose(pose, other, _EQUAL) for other in poses):
+        pose = R.T.copy(), center - R.T @ t
+        if not any(_core.same_pose(*pose, *other, _EQUAL) for other in poses):
             poses.append(pose)
     return [Pose(*pose) for pose in poses]
 
@@ -145,18 +134,19 @@ def translations(image_normals: Array, rotation: Array, points: Array) -> Array:
         rotation: R_camera_world, shape (k, 3, 3).
         points: A point x_i of each line, shape (n, 3) [m].
     """
-    t = np.empty((len(rotation), 3))
-    kernels.translations(rotation, image_normals, points, t)
-    return t
+    return _core.translations(rotation, image_normals, points)
 
 
 def _polished(rotation: Array, normals: Array, directions: Array) -> Array:
     """Return rotations (k, 3, 3) after Newton steps on n_i . (R u_i) = 0, shortest steps where those are singular."""
+    if len(rotation) == 0:
+        return rotation
     for _ in range(4):
         turned = directions @ rotation.transpose(0, 2, 1)
         value = np.einsum("ij,kij->ki", normals, turned)
         slope = cross(turned, np.broadcast_to(normals, turned.shape))
         step = -np.einsum("kij,kj->ki", np.linalg.pinv(slope, rcond=1e-12), value)
         size = np.linalg.norm(step, axis=1, keepdims=True)
-        rotation = rotations_near(step * np.minimum(1.0, 0.3 / np.maximum(size, 0.3))) @ rotation
+        turn = step * np.minimum(1.0, 0.3 / np.maximum(size, 0.3))
+        rotation = Rotation.from_rotvec(turn).as_matrix() @ rotation
     return rotation

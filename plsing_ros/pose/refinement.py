@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.pose.residuals import ImageResiduals, Residuals
 
@@ -36,9 +34,7 @@ def refine(image: ImageResiduals, rotation: Array, translation: Array, iteration
         iterations: At most so many steps.
         weight: Of each line for each pose, 0 or 1, shape (k, n).
 
-    Source: section "Pose Estimation along a quadrifolium trajectory", with damping: see kernels.refine_poses.
+    Source: section "Pose Estimation along a quadrifolium trajectory", with damping: see _core.refine_poses.
     """
-    k = len(rotation)
-    rotation, translation, gain, final = rotation.copy(), translation.copy(), np.empty(k), np.empty(k)
-    kernels.refine_poses(*image.known, weight, rotation, translation, gain, final, iterations)
+    rotation, translation, _, _ = _core.refine_poses(*image.known, weight, rotation, translation, iterations)
     return Refined(rotation, translation, image.at(rotation, translation))

@@ -8,9 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray
-from plsing_ros.kernels.residuals import RESIDUAL_ROWS
 
 
 @dataclass(frozen=True)
@@ -43,10 +42,12 @@ class Residuals:
     """What k poses make of n image lines.
 
     Attributes:
-        table: As kernels.image_residuals fills it, shape (k, RESIDUAL_ROWS, n).
+        table: Of _core.image_residuals, shape (k, 7, n).
+        arguments: What it was made from.
     """
 
     table: Array
+    arguments: tuple[Array, Array, Array, Array, Array]
 
     @property
     def raw(self) -> Array:
@@ -67,17 +68,17 @@ class Residuals:
     @property
     def log_determinant(self) -> Array:
         """Of each line's covariance, shape (k, n)."""
-        return self.table[:, 14]
+        return self.table[:, 6]
 
     @property
     def reversed(self) -> BoolArray:
         """Which lines are seen against their direction, shape (k, n)."""
-        return np.asarray(self.table[:, 12] > 0.0)
+        return np.asarray(self.table[:, 4] > 0.0)
 
     @property
     def hidden(self) -> BoolArray:
         """Which lines have no part in front of the camera and within its field of view, shape (k, n)."""
-        return np.asarray(self.table[:, 13] > 0.0)
+        return np.asarray(self.table[:, 5] > 0.0)
 
     @property
     def raw_jacobian(self) -> Array:
@@ -91,10 +92,7 @@ class Residuals:
 
     @cached_property
     def _jacobians(self) -> tuple[Array, Array]:
-        k, _, n = self.table.shape
-        raw, value = np.empty((k, 2, n, 6)), np.empty((k, 2, n, 6))
-        kernels.image_jacobians(self.table, raw, value)
-        return raw, value
+        return _core.image_jacobians(*self.arguments)
 
 
 class ImageResiduals:
@@ -106,7 +104,7 @@ class ImageResiduals:
         settings: Of residual_settings.
 
     Attributes:
-        known: All of these, as the kernels ask for them.
+        known: All of these, as the native core asks for them.
     """
 
     def __init__(self, lines: Array, image_lines: Array, settings: Array) -> None:
@@ -120,6 +118,5 @@ class ImageResiduals:
             rotation: Shape (k, 3, 3).
             translation: Shape (k, 3) [m].
         """
-        table = np.empty((len(rotation), RESIDUAL_ROWS, self.count))
-        kernels.image_residuals(*self.known, rotation, translation, table)
-        return Residuals(table)
+        arguments = (*self.known, rotation, translation)
+        return Residuals(_core.image_residuals(*arguments), arguments)
