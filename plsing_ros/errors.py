@@ -35,5 +35,5 @@ class SceneFileError(PlsingError):
     """A scene or parameter file that cannot be read or does not describe a scene."""
 
 
-class TransitionError(PlsingError):
-    """A transition of a node's lifecycle that failed at its start."""
+class StartError(PlsingError):
+    """A node that cannot start: it cannot be configured or activated, or shared memory is in its way."""

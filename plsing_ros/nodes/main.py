@@ -21,7 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
-from plsing_ros.errors import PlsingError, TransitionError
+from plsing_ros.errors import PlsingError, StartError
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.shared_memory import clear_half_made_ports
 
@@ -93,7 +93,7 @@ def run_nodes(
 
     Returns:
         0 after a signal; 2 with one line on standard error if a parameter, parameter file or ROS argument is bad; 1
-        with one line if a node cannot be configured or activated.
+        with one line if a node cannot start.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     context = Context()
@@ -104,7 +104,7 @@ def run_nodes(
         received = _stop_signals()
         # Own signal handling: rclpy's would take the context away before the last, zero twist can be published.
         rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
-        clear_half_made_ports()
+        clear_half_made_ports(context.get_domain_id())
         # One by one, so that those before a refused one are known.
         for create in choose(options):
             nodes.append(create(context=context))
@@ -115,7 +115,7 @@ def run_nodes(
             rclpy.shutdown(context=context)
         # What follows in rcl's messages is a place in its source.
         print(f"{parser.prog}: {str(error).split(', at /')[0].splitlines()[0]}", file=sys.stderr)
-        return FAILED_AT_START if isinstance(error, TransitionError) else BAD_INPUT
+        return FAILED_AT_START if isinstance(error, StartError) else BAD_INPUT
     executor = make_executor(options.executor, context)
     for node in nodes:
         executor.add_node(node)

@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from plsing_ros.errors import PlsingError, TransitionError
+from plsing_ros.errors import PlsingError, StartError
 from plsing_ros.nodes import qos
 from plsing_ros.parameters.node import AUTOSTART, AUTOSTART_DEFAULT
 
@@ -86,7 +86,7 @@ class ManagedNode(LifecycleNode):
         """Configure and activate, where the parameter autostart says so; the last line of a node's constructor.
 
         Raises:
-            TransitionError: If a transition fails; the node is destroyed then.
+            StartError: If a transition fails; the node is destroyed then.
         """
         if not self.get_parameter(AUTOSTART.name).value:
             return
@@ -94,7 +94,7 @@ class ManagedNode(LifecycleNode):
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() is not TransitionCallbackReturn.SUCCESS:
                 self.destroy_node()
-                raise TransitionError(self._failure)
+                raise StartError(self._failure)
         self._starting = False
 
     def stop(self) -> None:

@@ -85,7 +85,7 @@ class Harness:
         self.domain = self._reservation.enter_context(domain_id())
         self.context = Context()
         rclpy.init(args=["--ros-args", "--log-level", log_level], context=self.context, domain_id=self.domain)
-        clear_half_made_ports()
+        clear_half_made_ports(self.domain)
         self._executor = make_executor(executor, self.context)
         self._nodes: list[Node] = []
         self._collected: list[Collected] = []

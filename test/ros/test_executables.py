@@ -163,6 +163,19 @@ def test_a_node_starts_though_another_was_killed_when_it_started(ros, start):
     assert f"{port} was left half made" in output_of(controller)
 
 
+def test_a_node_ends_with_a_sentence_where_it_would_wait_for_a_living_program(ros, start):
+    port = Path("/dev/shm") / f"fastrtps_port{7400 + 250 * ros.domain + 11 + 2}"
+    with port.open("w+b") as held:
+        held.write(bytes([1]) + bytes(52399))
+        held.flush()
+        controller = start("controller", *PAPER)
+        assert controller.wait(30.0) == 1, output_of(controller)
+    port.unlink()
+    output = output_of(controller)
+    assert f"{port} is half made" in output and f"process {os.getpid()} " in output
+    assert len(output.strip().splitlines()) == 1, output
+
+
 def test_a_container_runs_a_closed_loop_in_one_process_and_ends_it_with_a_zero_twist(ros, start):
     twists = ros.collect(TwistStamped, "cmd_twist", qos.STATUS)
     statuses = ros.collect(SingularityStatus, "singularity_status", qos.STATUS)

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 from plsing_msgs.msg import ControllerState, LineFeatureArray, PoseEstimate, SimulatorState, SingularityStatus
 from plsing_msgs.srv import CheckPose
 from plsing_ros.control.servo_controller import ServoController
-from plsing_ros.errors import TransitionError
+from plsing_ros.errors import StartError
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import ControllerNode
 from plsing_ros.nodes.feature_simulator import FeatureSimulatorNode
@@ -194,7 +194,7 @@ def double_array(*values):
 
 
 def test_under_autostart_a_failed_configuration_is_an_error_of_the_constructor(ros, paper):
-    with pytest.raises(TransitionError, match=r"only 2 usable line\(s\)"):
+    with pytest.raises(StartError, match=r"only 2 usable line\(s\)"):
         ros.add(ControllerNode, paper, {**THREE, **IN_A_LINE})
 
 
