@@ -297,7 +297,7 @@ def test_invalid_input_is_refused_by_the_name_of_the_line():
     singular = singular_set(lines)
     for wrong in ([0, 1], [0, 0, np.inf], "here", [0, -1e200, 0]):
         for ask in (singular.distances, singular.unobservable_motions):
-            with pytest.raises(GeometryError, match="camera_center"):
+            with pytest.raises(GeometryError, match="pose_or_center"):
                 ask(wrong)
     assert np.isfinite(singular.distance_arrays([1e50, -1e50, 1e50]).distance).all()
 
