@@ -7,16 +7,18 @@ export PYTHON
 
 RUN := $(PYTHON) tools/environment.py run
 
-.PHONY: help demo paper docs test test-noble bench lint clean setup python noble-python
+.PHONY: help demo paper docs test test-quick test-noble coverage bench lint clean setup python noble-python
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo        run the demo                        ARGS=... is passed to it"
 	@echo "make test        run the tests                       ARGS='-k transversals' is passed to pytest"
+	@echo "make test-quick  run the tests of the core that take no ROS and no seconds; ARGS as above"
 	@echo "make test-noble  the same with Ubuntu 24.04's numpy, scipy, ..., on Python 3.12"
 	@echo "make paper       run the paper's experiments and write docs/results/paper.md      ARGS=... is passed to it"
 	@echo "make docs        build the documentation into build/docs/html; a warning is an error"
 	@echo "make bench       measure the speed                   ARGS=... is passed to it"
+	@echo "make coverage    run the tests and report the line coverage, at least 90 %"
 	@echo "make lint        check style, format and types"
 	@echo "make setup       only make the environment that all of these use (they do so themselves)"
 	@echo "make clean       remove everything generated"
@@ -29,6 +31,17 @@ demo: python
 
 test: python
 	@$(RUN) python3 -m pytest $(ARGS)
+
+# The folders of tests that need ROS, a browser, Sphinx, an environment of their own, or the paper's runs.
+QUICK := $(foreach folder,ros docs tools paper_checks cli figures,--ignore=test/$(folder)) -m "not slow"
+
+test-quick: python
+	@$(RUN) python3 -m pytest $(QUICK) $(ARGS)
+
+coverage: python
+	@$(RUN) python3 -m coverage run -m pytest $(ARGS)
+	@$(RUN) python3 -m coverage combine -q
+	@$(RUN) python3 -m coverage report --fail-under=90 --skip-covered
 
 test-noble: noble-python
 	@$(NOBLE_PYTHON) tools/environment.py --noble run python3 -m pytest $(ARGS)
@@ -54,7 +67,7 @@ setup: python
 clean:
 	rm -rf .venv .venv-* build install log demo_output paper_output
 	rm -f plsing_ros/*.so
-	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
+	rm -rf .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 python:

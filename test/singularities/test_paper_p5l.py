@@ -76,6 +76,7 @@ def test_the_special_parameter_is_exactly_special():
     assert sp.simplify(condition.subs("t", 11)) != 0
 
 
+@pytest.mark.slow
 def test_the_plucker_condition_has_degree_thirteen():
     s = sp.symbols("s1:9")
     rows = []
@@ -142,6 +143,7 @@ def candidate_point(d):
     return x, -common / (2 * d5 * d6), -common / (2 * d4 * d6)
 
 
+@pytest.mark.slow
 def test_the_candidate_point_is_the_zero_of_all_ten_cubics():
     center = sp.Matrix(candidate_point(D))
     feet = []

@@ -55,6 +55,7 @@ def eliminant(first, second):
     return sp.Poly(reduced[0].resultant(reduced[1]).as_expr(), y, modulus=PRIME).monic()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", INTEGER_SCENES)
 def test_twenty_is_four_and_six_and_ten(scene):
     points, directions = scene
