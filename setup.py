@@ -75,6 +75,7 @@ setup(
             "container = plsing_ros.nodes.container:main",
             "demo = plsing_ros.cli.demo:main",
             "analyze = plsing_ros.cli.analyze:main",
+            "replay = plsing_ros.cli.replay:main",
             "select_lines = plsing_ros.cli.select_lines:main",
             "survey = plsing_ros.cli.survey:main",
         ],

@@ -23,7 +23,8 @@ _EPILOG = """examples:
   demo                        Starts 1 to 4 of the paper
   demo --starts 2             only the one that blows up
   demo --estimate-pose        without the simulator's ground truth: image lines only
-  demo --output /tmp/figures  write the figures there"""
+  demo --output /tmp/figures  write the figures there
+  demo --starts 2 --record run    record the topics for replay run/start_2"""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -46,6 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         action="store_true",
         help="show the nodes image lines only, as a tracker does, and estimate the camera pose from them",
     )
+    parser.add_argument(
+        "--record", type=Path, metavar="DIR", help="record the topics, a rosbag2 for each start, for replay"
+    )
     options = parser.parse_args(argv)
     return run_command("demo", lambda: _run(options))
 
@@ -56,10 +60,15 @@ def _run(options: argparse.Namespace) -> int:
     print(f"The paper's four lines: {singular.description}")
     print(f"Starts within 1.1 m of a target near {singular.transversals[0].name}, lambda = {experiment.GAIN} 1/s\n")
     make_folder(options.output, "write the figures", "--output")
+    if options.record is not None:
+        make_folder(options.record, "record", "--record")
     records = [_run_start(experiment.STARTS[number - 1], params_file, options) for number in options.starts]
     print(f"\n{summary_table(records)}\n")
     for file in save_figures(records, singular, options.output):
         print(f"figure: {file}")
+    if options.record is not None:
+        first = options.record / f"start_{options.starts[0]}"
+        print(f"recorded: {options.record}; see what the monitor said, and would say: replay {first}")
     return 0
 
 
@@ -100,4 +109,5 @@ def _run_start(start: experiment.Start, params_file: Path, options: argparse.Nam
             on_alert=on_alert,
             executor=options.executor,
             estimate_pose=options.estimate_pose,
+            record=None if options.record is None else options.record / start.name.lower().replace(" ", "_"),
         )

@@ -106,7 +106,7 @@ def _save_figure(chosen: LineSelection, file: Path) -> Path:
         *((f"without line {i}", value) for i, value in chosen.without.items()),
     ]
     shown = [(name, 1000.0 * value) for name, value in rows if np.isfinite(value)]
-    colors = ["tab:green", *["tab:blue"] * len(chosen.table()), *["tab:orange"] * len(rows)]
+    colors = ["tab:green", *["tab:blue"] * (len(chosen.table()) - 1), *["tab:orange"] * len(rows)]
     bars = axes.barh([name for name, _ in shown], [value for _, value in shown], color=colors[: len(shown)])
     axes.bar_label(bars, fmt=" %.3g")
     axes.invert_yaxis()

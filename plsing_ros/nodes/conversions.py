@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import array
-import dataclasses
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -20,8 +19,9 @@ from plsing_msgs.msg import (
 from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command
-from plsing_ros.errors import GeometryError, ObservationError
-from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.errors import GeometryError
+from plsing_ros.features import LineObservation
+from plsing_ros.features.feature_message import observation_from_message as observation_from_message
 from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
@@ -88,55 +88,6 @@ def fill_features(message: LineFeatureArray, observation: LineObservation) -> No
     message.visible = array.array("B", observation.usable.tobytes())
     message.lines_verdict = int(observation.verdict)
     message.lines_reason = observation.verdict_reason
-
-
-def observation_from_message(message: LineFeatureArray, frame: str) -> LineObservation:
-    """Return the observation that a message in the given frame carries.
-
-    Raises:
-        ObservationError: If the frame is another one, lengths do not fit, a value is not finite, or ids repeat.
-    """
-    if message.header.frame_id != frame:
-        raise ObservationError(
-            f"line features are in frame '{message.header.frame_id}', expected '{frame}' (parameter camera_frame)"
-        )
-    n = len(message.ids)
-    if n == 0:
-        raise ObservationError("the feature message has no lines")
-    for name, allowed in (
-        ("image_lines", (3 * n,)),
-        ("directions", (0, 3 * n)),
-        ("moments", (len(message.directions),)),
-        ("visible", (0, n)),
-    ):
-        if len(getattr(message, name)) not in allowed:
-            raise ObservationError(
-                f"field '{name}' of the feature message has {len(getattr(message, name))} numbers for {n} lines; "
-                f"expected {' or '.join(map(str, allowed))}"
-            )
-    visible = np.array(message.visible, dtype=bool) if len(message.visible) else np.ones(n, dtype=bool)
-    observation = LineObservation.from_rows(
-        tuple(message.ids),
-        np.frombuffer(message.image_lines).reshape(-1, 3),
-        _rows(message.directions),
-        _rows(message.moments),
-        visible,
-        frame,
-    )
-    if message.lines_verdict == LineFeatureArray.LINES_GIVEN:
-        return observation
-    try:
-        verdict = LinesVerdict(message.lines_verdict)
-    except ValueError:
-        raise ObservationError(
-            f"field 'lines_verdict' of the feature message is {message.lines_verdict}; allowed: 0 to "
-            f"{max(LinesVerdict)}"
-        ) from None
-    return dataclasses.replace(observation, verdict=verdict, verdict_reason=message.lines_reason)
-
-
-def _rows(values: array.array[float]) -> Array | None:
-    return np.frombuffer(values).reshape(-1, 3) if len(values) else None
 
 
 def twist_message(twist: Array) -> Twist:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 
-from plsing_msgs.msg import SingularityAlert, SingularityStatus
+from plsing_msgs.msg import LineFeatureArray, SingularityAlert, SingularityStatus, SingularLoci
 from plsing_ros.levels import Level
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.controller import ControllerNode
@@ -20,9 +22,19 @@ from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 from plsing_ros.simulation.run_record import Alert, RunRecord
 from plsing_ros.simulation.simulation import FIRST_STAMP
 from plsing_ros.testing.harness import Harness
-from plsing_ros.testing.synchronizer import RELIABLE, FrameSynchronizer, has_come, stamp_of, taken
+from plsing_ros.testing.recorder import BagRecorder
+from plsing_ros.testing.synchronizer import BEST_EFFORT, RELIABLE, FrameSynchronizer, has_come, stamp_of, taken
 
 _SECOND = 1_000_000_000
+_RECORDED = [
+    (LineFeatureArray, "line_features", BEST_EFFORT),
+    (LineFeatureArray, "completed_line_features", BEST_EFFORT),
+    (LineFeatureArray, "desired_line_features", qos.LATCHED),
+    (PoseWithCovarianceStamped, "camera_pose", BEST_EFFORT),
+    (TwistStamped, "cmd_twist", RELIABLE),
+    (SingularLoci, "singular_loci", qos.LATCHED),
+    (SingularityAlert, "singularity_alerts", qos.LATCHED),
+]
 
 
 def run_lockstep(
@@ -36,6 +48,7 @@ def run_lockstep(
     on_alert: Callable[[Alert], None] = lambda alert: None,
     executor: str = "events",
     estimate_pose: bool = False,
+    record: Path | None = None,
 ) -> RunRecord:
     """Run the three nodes from a start until the camera is at the target.
 
@@ -50,11 +63,14 @@ def run_lockstep(
         on_alert: Called with each alert as it comes in.
         executor: As in plsing_ros.nodes.main.make_executor.
         estimate_pose: The simulator shows image lines only, and a pose_estimator completes them for the others.
+        record: Folder to record the topics into, for the command replay; it must not exist.
 
     Raises:
         PlsingError: If a parameter is refused, the loop stops, or a message was lost.
     """
-    with Harness(executor, log_level="ERROR") as ros:
+    with Harness(executor, log_level="ERROR") as ros, ExitStack() as recording:
+        if record is not None:
+            recording.enter_context(BagRecorder(ros.node, record, _RECORDED))
         truth = "true_camera_pose" if estimate_pose else "camera_pose"
         completed = {"line_features": "completed_line_features"} if estimate_pose else {}
         frames = FrameSynchronizer(ros, truth)

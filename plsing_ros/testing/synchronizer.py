@@ -17,7 +17,7 @@ from plsing_ros.testing.harness import Collected, Harness
 
 # So many that none is lost while others are taken.
 RELIABLE = QoSProfile(depth=100)
-_BEST_EFFORT = QoSProfile(depth=100, reliability=qos.SENSOR_DATA.reliability)
+BEST_EFFORT = QoSProfile(depth=100, reliability=qos.SENSOR_DATA.reliability)
 
 
 class FrameSynchronizer:
@@ -25,7 +25,7 @@ class FrameSynchronizer:
 
     def __init__(self, ros: Harness, camera_pose: str = "camera_pose") -> None:
         """Collect from now on; the pose is that of the topic given."""
-        self._poses = ros.collect(PoseWithCovarianceStamped, camera_pose, _BEST_EFFORT)
+        self._poses = ros.collect(PoseWithCovarianceStamped, camera_pose, BEST_EFFORT)
         self._twists = ros.collect(TwistStamped, "cmd_twist", RELIABLE)
         self._states = ros.collect(ControllerState, "controller/state", RELIABLE)
 

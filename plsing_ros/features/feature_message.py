@@ -1,0 +1,65 @@
+"""Line features as the fields of a message, wherever the message comes from: a topic or a recording."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from plsing_ros.arrays import Array
+from plsing_ros.errors import ObservationError
+from plsing_ros.features.observation import LineObservation, LinesVerdict
+
+
+def observation_from_message(message: Any, frame: str) -> LineObservation:
+    """Return the observation that a plsing_msgs/LineFeatureArray in the given frame carries.
+
+    Args:
+        message: With the fields of the message; arrays of numbers as ROS or a recording gives them.
+        frame: Name of the camera's optical frame.
+
+    Raises:
+        ObservationError: If the frame is another one, lengths do not fit, a value is not finite, or ids repeat.
+    """
+    if message.header.frame_id != frame:
+        raise ObservationError(
+            f"line features are in frame '{message.header.frame_id}', expected '{frame}' (parameter camera_frame)"
+        )
+    n = len(message.ids)
+    if n == 0:
+        raise ObservationError("the feature message has no lines")
+    for name, allowed in (
+        ("image_lines", (3 * n,)),
+        ("directions", (0, 3 * n)),
+        ("moments", (len(message.directions),)),
+        ("visible", (0, n)),
+    ):
+        if len(getattr(message, name)) not in allowed:
+            raise ObservationError(
+                f"field '{name}' of the feature message has {len(getattr(message, name))} numbers for {n} lines; "
+                f"expected {' or '.join(map(str, allowed))}"
+            )
+    visible = np.array(message.visible, dtype=bool) if len(message.visible) else np.ones(n, dtype=bool)
+    observation = LineObservation.from_rows(
+        tuple(message.ids),
+        np.frombuffer(message.image_lines).reshape(-1, 3),
+        _rows(message.directions),
+        _rows(message.moments),
+        visible,
+        frame,
+    )
+    if message.lines_verdict == LinesVerdict.GIVEN:
+        return observation
+    try:
+        verdict = LinesVerdict(message.lines_verdict)
+    except ValueError:
+        raise ObservationError(
+            f"field 'lines_verdict' of the feature message is {message.lines_verdict}; allowed: 0 to "
+            f"{max(LinesVerdict)}"
+        ) from None
+    return dataclasses.replace(observation, verdict=verdict, verdict_reason=message.lines_reason)
+
+
+def _rows(values: Any) -> Array | None:
+    return np.frombuffer(values).reshape(-1, 3) if len(values) else None

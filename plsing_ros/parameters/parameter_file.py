@@ -1,0 +1,43 @@
+"""A node's values in a ROS parameter file, for use without ROS."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from plsing_ros.errors import SceneFileError
+from plsing_ros.geometry.scene_file import load_yaml
+
+
+def read_parameters(path: str | Path, node: str) -> dict[str, Any]:
+    """Return the values that a parameter file has for a node in the root namespace, by ROS name.
+
+    Args:
+        path: YAML file as for --params-file; sections that match are "/**", "/**/node", "node", "/node".
+        node: Name of the node.
+
+    Raises:
+        SceneFileError: If the file cannot be read or is no parameter file.
+    """
+    values: dict[str, Any] = {}
+    content = load_yaml(path)
+    for section, body in content.items() if isinstance(content, dict) else ():
+        if not isinstance(body, Mapping) or not isinstance(body.get("ros__parameters"), Mapping):
+            raise SceneFileError(f"parameter file {path}, section {section!r}: expected ros__parameters: in it")
+        # In ROS "**" stands for any number of names, also for none.
+        pattern = f"/{section}".replace("//", "/").replace("/**/", "/*").replace("/**", "/*")
+        if fnmatch.fnmatchcase(f"/{node}", pattern):
+            values |= _flatten("", body["ros__parameters"])
+    return values
+
+
+def _flatten(prefix: str, body: Mapping[str, Any]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for name, value in body.items():
+        if isinstance(value, Mapping):
+            values |= _flatten(f"{prefix}{name}.", value)
+        else:
+            values[f"{prefix}{name}"] = value
+    return values
