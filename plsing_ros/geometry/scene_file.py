@@ -60,25 +60,12 @@ def read_segment_ends(path: str | Path, count: int) -> Array | None:
         raise SceneFileError(f"scene file {path}: {error}; 6 numbers are needed for each of {count} lines") from None
 
 
-def load_yaml(path: str | Path) -> Any:
-    """Return what a YAML file holds.
-
-    Raises:
-        SceneFileError: If it cannot be read or is no YAML; it names the file.
-    """
-    import yaml
-
-    try:
-        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneFileError(f"cannot read scene file {path}: {error}") from None
-    except yaml.YAMLError as error:
-        raise SceneFileError(f"scene file {path} is not YAML: {error}") from None
-
-
 def _scene_parameters(path: str | Path) -> dict[str, Any]:
     """Return the parameters of the first node in a file that has lines."""
-    content = load_yaml(path)
+    # Only where a file is read: the package imports without yaml.
+    from plsing_ros.geometry.yaml_file import read_yaml
+
+    content = read_yaml(path, "scene file")
     for node in content.values() if isinstance(content, dict) else ():
         parameters = node.get("ros__parameters") if isinstance(node, dict) else None
         if not isinstance(parameters, dict):

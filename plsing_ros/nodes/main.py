@@ -8,6 +8,8 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -22,6 +24,7 @@ from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from plsing_ros.errors import PlsingError, StartError
+from plsing_ros.geometry.yaml_file import read_yaml
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.shared_memory import clear_half_made_ports
 
@@ -99,6 +102,8 @@ def run_nodes(
     context = Context()
     nodes: list[ParameterizedNode[Any]] = []
     try:
+        # Before the next line, which has rcl read them already.
+        _check_parameter_files(arguments)
         options = parser.parse_args(remove_ros_args(["program", *arguments])[1:])
         # From here on: a program that ends while the middleware makes a node leaves broken shared memory behind.
         received = _stop_signals()
@@ -149,6 +154,13 @@ def run_nodes(
             for node in nodes:
                 ending.callback(node.stop)
     return 0
+
+
+def _check_parameter_files(arguments: Sequence[str]) -> None:
+    """Refuse files that would keep rcl's reader busy or end it; what it cannot open it says itself."""
+    for option, file in pairwise(arguments):
+        if option == "--params-file" and Path(file).is_file():
+            read_yaml(file, "parameter file")
 
 
 def _stop_signals() -> list[int]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from plsing_ros.errors import SceneFileError
-from plsing_ros.geometry.scene_file import load_yaml
 
 
 def read_parameters(path: str | Path, node: str) -> dict[str, Any]:
@@ -22,7 +21,10 @@ def read_parameters(path: str | Path, node: str) -> dict[str, Any]:
         SceneFileError: If the file cannot be read or is no parameter file.
     """
     values: dict[str, Any] = {}
-    content = load_yaml(path)
+    # Only where a file is read: the package imports without yaml.
+    from plsing_ros.geometry.yaml_file import read_yaml
+
+    content = read_yaml(path, "parameter file")
     for section, body in content.items() if isinstance(content, dict) else ():
         if not isinstance(body, Mapping) or not isinstance(body.get("ros__parameters"), Mapping):
             raise SceneFileError(f"parameter file {path}, section {section!r}: expected ros__parameters: in it")

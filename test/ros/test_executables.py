@@ -246,6 +246,25 @@ def test_bad_input_is_one_line_and_exit_code_2(start, name, arguments, message):
     assert output.startswith(f"{name}: ")
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: &a [1]\n/**: {ros__parameters: {gain: *a}}", "has an alias, *a, in line 2"),
+        ("[" * 3000, "is nested more than 20 deep"),
+        (f"/**: {{ros__parameters: {{gain: {'7' * 400}}}}}", "has an integer of 1329 bits"),
+    ],
+    ids=["alias", "brackets", "long integer"],
+)
+def test_a_parameter_file_made_to_do_harm_is_refused_before_ros_reads_it(start, tmp_path, text, message):
+    file = tmp_path / "harm.yaml"
+    file.write_text(text)
+    process = start("controller", *PAPER, "--params-file", str(file))
+    assert process.wait(30.0) == 2, output_of(process)
+    output = output_of(process)
+    assert output.startswith(f"controller: parameter file {file} ") and message in output
+    assert len(output.strip().splitlines()) == 1, output
+
+
 def test_a_node_that_cannot_be_configured_is_one_line_and_exit_code_1(start):
     ids = [f"lines.{each}" for each in ("points", "directions", "ids")]
     values = ["[0, 0, 0, 0, 0, 2, 3, 5, 0]", "[1, 0, 0, 4, -5, 0, 3, 7, 3]", "[1, 2, 3]"]
