@@ -48,7 +48,7 @@ setup(
             include_dirs=header_folders(),
             depends=[str(file) for file in sorted(CORE.glob("*.hpp"))],
             language="c++",
-            extra_compile_args=["-std=c++17", "-O2", "-g0", "-g0", "-fvisibility=hidden"],
+            extra_compile_args=["-std=c++17", "-O2", "-g0", "-fvisibility=hidden"],
         ),
         # Without a C compiler the package works all the same, slower (plsing_ros/kernels/).
         Extension(
