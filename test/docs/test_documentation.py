@@ -50,3 +50,13 @@ def test_links_of_the_pages_lead_to_files():
         for target in re.findall(r"\]\((?!https?:|#)([^)#\s]+)", page.read_text("utf-8")):
             file = (page.parent / target).resolve()
             assert file.exists() or file in made, f"{page.relative_to(ROOT)}: there is no {target}"
+
+
+def test_benchmarks_that_the_pages_name_are_there():
+    named = {
+        name
+        for page in DOCS.rglob("*.md")
+        for name in re.findall(r"(?:-m benchmark[. ]|make bench ARGS=)(\w+)", page.read_text("utf-8"))
+    }
+    assert {"alert_quality", "control_cycle"} <= named
+    assert [name for name in named if not (ROOT / "benchmark" / f"{name}.py").exists()] == []
