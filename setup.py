@@ -63,6 +63,7 @@ setup(
     install_requires=["numpy>=1.26,<3", "scipy>=1.11,<2"],
     extras_require={
         "bags": ["rosbags>=0.10,<0.12"],
+        "dask": ["distributed>=2024.1"],
         "files": ["PyYAML>=6,<7", "tqdm>=4,<5", "matplotlib>=3.6,<4"],
         "page": ["plotly>=5,<7"],
         "proofs": ["sympy>=1.12,<2", "mpmath>=1.3,<2"],

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from plsing_ros.analysis.parallel import run_tasks
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ParameterError, PlsingError
 from plsing_ros.geometry import LineSet
@@ -23,9 +24,12 @@ from plsing_ros.singularities.batch import solve_four_line_scenes
 
 _EPILOG = """examples:
   survey                                              a hundred thousand scenes, in half a minute
-  survey --scenes 1000000 --output survey.jsonl       can be interrupted and continued"""
+  survey --scenes 1000000 --output survey.jsonl       can be interrupted and continued
+  survey --scenes 100000000 --scheduler tcp://host:8786 --output survey.jsonl"""
 
 _CHUNK = 2000
+# Chunks that one task takes, so that it lasts about a second.
+_CHUNKS_PER_TASK = 5
 _BAR = 50
 # What report needs of a chunk.
 _COUNTED = {"chunk", "elliptic", "hyperbolic", "max_residual", "solved_again", "unresolved"}
@@ -74,6 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--scenes", type=int, default=100_000, help="how many (%(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the random scenes (%(default)s)")
     parser.add_argument("--output", type=Path, help="file to write and to continue; nothing is kept without it")
+    parser.add_argument("--processes", type=int, help="on this machine (as many as cores)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on: tcp://host:8786")
     options = parser.parse_args(arguments)
     try:
         if options.scenes < 1 or options.seed < 0:
@@ -94,19 +100,29 @@ def _run(options: argparse.Namespace, finished: dict[int, dict[str, Any]]) -> It
     from tqdm import tqdm
 
     sizes = [_CHUNK] * (options.scenes // _CHUNK) + ([options.scenes % _CHUNK] if options.scenes % _CHUNK else [])
+    open_chunks = [(options.seed, i, size) for i, size in enumerate(sizes) if not _is_whole(finished.get(i), size)]
+    tasks = [open_chunks[i : i + _CHUNKS_PER_TASK] for i in range(0, len(open_chunks), _CHUNKS_PER_TASK)]
     with tqdm(total=options.scenes, unit="scene", disable=None) as bar:
-        for chunk, size in enumerate(sizes):
-            record = finished.get(chunk)
-            if (
-                record is None
-                or sum(record["elliptic"]) + sum(record["hyperbolic"]) + len(record["unresolved"]) != size
-            ):
-                record = survey_chunk(options.seed, chunk, size)
+        bar.update(options.scenes - sum(size for _, _, size in open_chunks))
+        for records in run_tasks(_survey_chunks, tasks, options.scheduler, options.processes):
+            for record in records:
                 if options.output is not None:
                     with options.output.open("a", encoding="utf-8") as file:
                         file.write(json.dumps(record) + "\n")
-            bar.update(size)
-            yield record
+                finished[record["chunk"]] = record
+                bar.update(sizes[record["chunk"]])
+    yield from (finished[chunk] for chunk in range(len(sizes)))
+
+
+def _survey_chunks(chunks: Sequence[tuple[int, int, int]]) -> list[dict[str, Any]]:
+    return [survey_chunk(*chunk) for chunk in chunks]
+
+
+def _is_whole(record: dict[str, Any] | None, size: int) -> bool:
+    if record is None:
+        return False
+    counted: int = sum(record["elliptic"]) + sum(record["hyperbolic"]) + len(record["unresolved"])
+    return counted == size
 
 
 def _read(output: Path | None, seed: int) -> dict[int, dict[str, Any]]:
@@ -118,7 +134,8 @@ def _read(output: Path | None, seed: int) -> dict[int, dict[str, Any]]:
         output.write_text(json.dumps(header) + "\n", encoding="utf-8")
         return {}
     try:
-        first, *lines = output.read_text(encoding="utf-8").splitlines()
+        text = output.read_text(encoding="utf-8")
+        first, *lines = text.splitlines()
     except UnicodeDecodeError:
         raise ParameterError(f"{output} is not a survey but a binary file; give another --output") from None
     if _record(first) != header:
@@ -126,7 +143,10 @@ def _read(output: Path | None, seed: int) -> dict[int, dict[str, Any]]:
             f"{output} belongs to another survey or is none (it begins with {first[:100]!r}); give another --output "
             "or the same seed"
         )
-    # The last line of an interrupted run may be cut off; its chunk is computed again.
+    # The last line of an interrupted run may be cut off; its chunk is computed again, on a line of its own.
+    if not text.endswith("\n"):
+        with output.open("a", encoding="utf-8") as file:
+            file.write("\n")
     records = [record for record in map(_record, lines) if record.keys() >= _COUNTED]
     return {int(record["chunk"]): record for record in records}
 

@@ -22,6 +22,7 @@ def test_continues_an_interrupted_run_with_the_same_result(tmp_path, capsys, mon
     code, continued, _ = run(capsys, "--scenes", 350, "--seed", 3, "--output", part)
     assert code == 0
     assert continued == expected
+    assert [json.loads(line)["chunk"] for line in part.read_text().splitlines()[-2:]] == [2, 3]
     assert "350 scenes with all ten points, 0 without" in expected
     records = [json.loads(line) for line in whole.read_text().splitlines()]
     assert [record["chunk"] for record in records[1:]] == [0, 1, 2, 3]
