@@ -6,8 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 import plsing_ros
+from plsing_ros.cli import analyze
+from plsing_ros.cli.parameter_files import NODES
 
 ROOT = Path(plsing_ros.__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -60,3 +63,21 @@ def test_benchmarks_that_the_pages_name_are_there():
     }
     assert {"alert_quality", "control_cycle"} <= named
     assert [name for name in named if not (ROOT / "benchmark" / f"{name}.py").exists()] == []
+
+
+def test_the_scene_file_that_a_page_builds_up_is_one(tmp_path, capsys):
+    blocks = re.findall(r"^```yaml\n(.*?)^```", (DOCS / "howto" / "own_lines.md").read_text("utf-8"), re.M | re.DOTALL)
+    file = tmp_path / "my_scene.yaml"
+    file.write_text("".join(reversed(blocks)), "utf-8")
+    assert analyze.main([str(file), "--at", "0.6", "-3.0", "0.4"]) == 0
+    assert "transversal" in capsys.readouterr().out
+    sections = yaml.safe_load(file.read_text("utf-8"))
+    for node, kind in NODES.items():
+        kind.from_values(
+            {
+                f"{group}.{name}" if isinstance(values, dict) else group: each
+                for section in ("/**", f"/**/{node}")
+                for group, values in sections.get(section, {}).get("ros__parameters", {}).items()
+                for name, each in (values.items() if isinstance(values, dict) else [(group, values)])
+            }
+        )
