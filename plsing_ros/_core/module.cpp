@@ -7,6 +7,7 @@ void bind_features(py::module_ &module);
 void bind_monitoring(py::module_ &module);
 void bind_minimal_solver(py::module_ &module);
 void bind_pose_estimation(py::module_ &module);
+void bind_tracking(py::module_ &module);
 }  // namespace plsing
 
 PYBIND11_MODULE(compiled, module)
@@ -17,4 +18,5 @@ PYBIND11_MODULE(compiled, module)
     plsing::bind_monitoring(module);
     plsing::bind_minimal_solver(module);
     plsing::bind_pose_estimation(module);
+    plsing::bind_tracking(module);
 }

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// Steps of brightness across projected edges: the moving-edge search of Bouthemy (1989), with several candidates.
+#include <algorithm>
+
+#include "tracking.hpp"
+
+namespace plsing::tracking {
+namespace {
+
+// Derivative of a Gaussian of 1 px, scaled so that a step of height 1 answers 1.
+constexpr int HALF = 3;
+const std::array<double, 2 * HALF + 1> TAPS = [] {
+    std::array<double, 2 * HALF + 1> taps{};
+    double sum = 0.0;
+    for (int i = -HALF; i <= HALF; ++i)
+        taps[i + HALF] = i * std::exp(-0.5 * i * i);
+    for (int i = 1; i <= HALF; ++i)
+        sum += taps[i + HALF];
+    for (double& tap : taps)
+        tap /= sum;
+    return taps;
+}();
+constexpr double NOISE_GAIN = 0.69;     // of the filter, after the mean of three neighbours
+constexpr double THRESHOLD = 3.5;       // standard deviations of the answer to noise
+constexpr double MIN_RESPONSE = 0.7;    // [grey levels], above the rounding to whole ones
+
+struct Pixels {
+    const std::uint8_t* data;
+    int width, height;
+
+    // Zero outside, which only strongly distorted images reach.
+    double at(const Vector2d& p) const
+    {
+        const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
+        if (!(p.x() >= 0.0 && p.y() >= 0.0 && x + 1 < width && y + 1 < height))
+            return 0.0;
+        const double fx = p.x() - x, fy = p.y() - y;
+        const std::uint8_t* top = data + static_cast<std::ptrdiff_t>(y) * width + x;
+        const std::uint8_t* low = top + width;
+        return (1.0 - fy) * (top[0] + fx * (top[1] - top[0])) + fy * (low[0] + fx * (low[1] - low[0]));
+    }
+};
+
+}  // namespace
+
+double image_noise(const Image& image)
+{
+    // Median of |I * N| for the operator N of Immerkaer (1996), whose answer to noise of unit deviation is 6.
+    const auto pixels = image.unchecked<2>();
+    std::vector<int> answers;
+    for (py::ssize_t y = 1; y + 1 < pixels.shape(0); y += 7)
+        for (py::ssize_t x = 1 + y % 5; x + 1 < pixels.shape(1); x += 11)
+            answers.push_back(std::abs(
+                pixels(y - 1, x - 1) + pixels(y - 1, x + 1) + pixels(y + 1, x - 1) + pixels(y + 1, x + 1) -
+                2 * (pixels(y - 1, x) + pixels(y + 1, x) + pixels(y, x - 1) + pixels(y, x + 1)) + 4 * pixels(y, x)));
+    if (answers.empty())
+        return 0.0;
+    std::nth_element(answers.begin(), answers.begin() + answers.size() / 2, answers.end());
+    return 1.4826 * answers[answers.size() / 2] / 6.0;
+}
+
+void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Camera& camera, int range, double noise,
+                  const Eigen::VectorXd& contrast)
+{
+    const Pixels pixels{image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0))};
+    const double threshold = std::max(THRESHOLD * NOISE_GAIN * noise / std::sqrt(3.0), MIN_RESPONSE);
+    const int reach = range + HALF + 1;
+    std::vector<double> profile(2 * reach + 1), response(2 * range + 3);
+    for (VisibleEdge& edge : edges) {
+        const Vector2d normal = edge.normal / camera.focal, tangent = edge.tangent() / camera.focal;
+        const double remembered = contrast[edge.edge];
+        for (Sample& sample : edge.samples) {
+            if (camera.distorted) {
+                for (int i = -reach; i <= reach; ++i) {
+                    const Vector2d p = sample.point + i * normal;
+                    profile[i + reach] = (pixels.at(camera.pixel(p - tangent)) + pixels.at(camera.pixel(p)) +
+                                          pixels.at(camera.pixel(p + tangent))) / 3.0;
+                }
+            } else {
+                const Vector2d middle = camera.pixel(sample.point);
+                const Vector2d across(normal.x() * camera.fx, normal.y() * camera.fy);
+                const Vector2d side(tangent.x() * camera.fx, tangent.y() * camera.fy);
+                for (int i = -reach; i <= reach; ++i) {
+                    const Vector2d p = middle + i * across;
+                    profile[i + reach] = (pixels.at(p - side) + pixels.at(p) + pixels.at(p + side)) / 3.0;
+                }
+            }
+            for (int i = -range - 1; i <= range + 1; ++i) {
+                double sum = 0.0;
+                for (int j = -HALF; j <= HALF; ++j)
+                    sum += TAPS[j + HALF] * profile[i + j + reach];
+                response[i + range + 1] = sum;
+            }
+            sample.count = 0;
+            std::array<double, MAX_CANDIDATES> scores{};
+            for (int i = 1; i <= 2 * range + 1; ++i) {
+                const double left = std::abs(response[i - 1]), here = std::abs(response[i]),
+                             right = std::abs(response[i + 1]);
+                if (here < threshold || here < left || here <= right)
+                    continue;
+                const double curvature = left - 2.0 * here + right;
+                const double shift = curvature < 0.0 ? std::clamp(0.5 * (left - right) / curvature, -0.5, 0.5) : 0.0;
+                const Candidate candidate{static_cast<float>(i - range - 1 + shift), static_cast<float>(response[i])};
+                double score = here;
+                if (remembered != 0.0) {
+                    const double off = (response[i] - remembered) / (std::abs(remembered) + threshold);
+                    score = 0.2 * std::min(here / std::abs(remembered), 1.0) + std::exp(-2.0 * off * off);
+                }
+                // Insert in order of the score; the weakest falls out.
+                int place = std::min(sample.count, MAX_CANDIDATES);
+                while (place > 0 && scores[place - 1] < score)
+                    --place;
+                if (place >= MAX_CANDIDATES)
+                    continue;
+                sample.count = std::min(sample.count + 1, MAX_CANDIDATES);
+                for (int j = sample.count - 1; j > place; --j) {
+                    scores[j] = scores[j - 1];
+                    sample.candidates[j] = sample.candidates[j - 1];
+                }
+                scores[place] = score;
+                sample.candidates[place] = candidate;
+            }
+        }
+    }
+}
+
+}  // namespace plsing::tracking

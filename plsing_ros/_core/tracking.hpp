@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the files of the line tracker share: the camera, the samples along visible edges, the lines fitted to them.
+#pragma once
+
+#include <pybind11/eigen.h>
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+#include <Eigen/Dense>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "core.hpp"
+
+namespace plsing::tracking {
+
+using Eigen::Matrix2d;
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Matrix26 = Eigen::Matrix<double, 2, 6>;
+using Rows3 = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+using Rows2 = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
+using IntRows3 = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;
+using IntRows2 = Eigen::Matrix<int, Eigen::Dynamic, 2, Eigen::RowMajor>;
+
+// fx, fy, cx, cy [px], then k1 k2 p1 p2 k3 k4 k5 k6 as OpenCV and sensor_msgs/CameraInfo define them.
+struct Camera {
+    explicit Camera(const Eigen::Matrix<double, 12, 1>& numbers)
+        : fx(numbers[0]), fy(numbers[1]), cx(numbers[2]), cy(numbers[3]), k(numbers.tail<8>()),
+          distorted(numbers.tail<8>().cwiseAbs().maxCoeff() > 0.0), focal(0.5 * (numbers[0] + numbers[1]))
+    {
+    }
+
+    Vector2d pixel(Vector2d p) const
+    {
+        if (distorted) {
+            const double x = p.x(), y = p.y(), r2 = x * x + y * y;
+            const double radial = (1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) /
+                                  (1.0 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
+            p = {x * radial + 2.0 * k[2] * x * y + k[3] * (r2 + 2.0 * x * x),
+                 y * radial + k[2] * (r2 + 2.0 * y * y) + 2.0 * k[3] * x * y};
+        }
+        return {fx * p.x() + cx, fy * p.y() + cy};
+    }
+
+    double fx, fy, cx, cy;
+    Eigen::Matrix<double, 8, 1> k;
+    bool distorted;
+    double focal;  // pixels for a unit of the normalised image, for lengths and tolerances
+};
+
+// A pose T_camera_model: p_camera = rotation * p_model + translation.
+struct Transform {
+    Matrix3d rotation;
+    Vector3d translation;
+
+    Vector3d operator*(const Vector3d& point) const { return rotation * point + translation; }
+    // The pose after a small motion of the model in the camera frame, (v, omega).
+    Transform moved(const Vector6& step) const;
+};
+
+// The motion (v, omega) in the camera frame from one pose to another.
+Vector6 motion(const Transform& from, const Transform& to);
+
+struct Candidate {
+    float offset;    // along the normal of the projected edge [px]
+    float response;  // signed step of brightness across it
+};
+
+constexpr int MAX_CANDIDATES = 3;
+
+struct Sample {
+    Vector2d point;  // on the projected edge, in the normalised image
+    double along;    // from the middle of the visible part, along the tangent [px]
+    int count = 0;
+    std::array<Candidate, MAX_CANDIDATES> candidates;
+};
+
+// The visible part of a projected edge: the line normal . p + rho = 0 with normal = (cos phi, sin phi).
+struct VisibleEdge {
+    int edge;
+    Vector2d normal;
+    Vector2d middle;  // of the visible part, in the normalised image
+    double expected;  // length of the whole edge in the image, in samples: how much of it could be seen
+    std::vector<Sample> samples;
+
+    double phi() const { return std::atan2(normal.y(), normal.x()); }
+    double rho() const { return -normal.dot(middle); }
+    // A quarter turn from the normal.
+    Vector2d tangent() const { return {-normal.y(), normal.x()}; }
+};
+
+struct FittedLine {
+    double phi, rho;
+    Matrix2d covariance;  // of (phi, rho)
+    double support;       // samples that agree
+    double contrast;      // mean signed response of these
+    double offset;        // from the projected edge, in its middle [px]
+};
+
+// The lines that fit one visible edge, best first.
+struct EdgeLines {
+    int edge;
+    std::vector<FittedLine> lines;
+};
+
+class EdgeModel {
+public:
+    EdgeModel(Rows3 vertices, IntRows2 edges, IntRows3 triangles, std::vector<std::vector<int>> edge_triangles);
+    // Return the visible parts of the edges, sampled every `step` pixels, at least `margin` pixels inside the image.
+    std::vector<VisibleEdge> visible_edges(const Transform& T_camera_model, const Camera& camera, int width, int height,
+                                           double step, double margin) const;
+    const Rows3& vertices() const { return vertices_; }
+    const IntRows2& edges() const { return edges_; }
+
+private:
+    Rows3 vertices_;
+    IntRows2 edges_;
+    IntRows3 triangles_;
+    std::vector<std::vector<int>> edge_triangles_;
+};
+
+using Image = py::array_t<std::uint8_t, py::array::c_style>;
+
+// Fill the candidates of each sample from the image.
+void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Camera& camera, int range, double noise,
+                  const Eigen::VectorXd& contrast);
+// The standard deviation of the noise of an image [grey levels].
+double image_noise(const Image& image);
+
+std::vector<EdgeLines> fit_lines(const std::vector<VisibleEdge>& edges, double focal, int range);
+
+struct PoseFit {
+    Transform pose;
+    Matrix6 information;     // of a motion of the model in the camera frame
+    double scale;            // robust residual in standard deviations: 1 if the covariances are right
+    std::vector<int> chosen; // which line of each edge; -1 for none
+    std::vector<double> weights;
+};
+
+PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Transform pose, const Transform& prior,
+                 const Matrix6& prior_information);
+// The pose that fits points seen in the normalised image, each with the same standard deviation.
+PoseFit fit_points(const Rows3& points, const Rows2& seen, double deviation, Transform pose);
+// Of each visible edge: its samples, those with a candidate at the pose, and how many would have one by chance.
+Rows3 edge_support(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose, double focal,
+                   int range, double tolerance);
+
+}  // namespace plsing::tracking
