@@ -97,9 +97,9 @@ void bind_tracking(pybind11::module_& module)
             return edge_support(model, visible.edges, transform(rotation, translation), focal, range, tolerance);
         });
     module.def("search_edges", [](Visible& visible, const Image& image, const Eigen::Matrix<double, 12, 1>& camera,
-                                  int range, double noise, const Eigen::VectorXd& contrast) {
+                                  int range, double noise, double gamma, const Eigen::VectorXd& contrast) {
         check(image);
-        search_edges(visible.edges, image, Camera(camera), range, noise, contrast);
+        search_edges(visible.edges, image, Camera(camera), range, noise, gamma, contrast);
     });
     module.def("fit_edge_lines", [](const Visible& visible, double focal, int range) {
         return Lines{fit_lines(visible.edges, focal, range)};

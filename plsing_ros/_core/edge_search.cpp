@@ -24,22 +24,34 @@ constexpr double NOISE_GAIN = 0.69;     // of the filter, after the mean of thre
 constexpr double THRESHOLD = 3.5;       // standard deviations of the answer to noise
 constexpr double MIN_RESPONSE = 0.7;    // [grey levels], above the rounding to whole ones
 
+// A grey level, and the light that it stands for, on the same scale.
+using Level = Eigen::Array2d;
+
 struct Pixels {
     const std::uint8_t* data;
     int width, height;
+    std::array<Level, 256> levels;
 
     // Zero outside, which only strongly distorted images reach.
-    double at(const Vector2d& p) const
+    Level at(const Vector2d& p) const
     {
         const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
         if (!(p.x() >= 0.0 && p.y() >= 0.0 && x + 1 < width && y + 1 < height))
-            return 0.0;
+            return Level::Zero();
         const double fx = p.x() - x, fy = p.y() - y;
         const std::uint8_t* top = data + static_cast<std::ptrdiff_t>(y) * width + x;
         const std::uint8_t* low = top + width;
-        return (1.0 - fy) * (top[0] + fx * (top[1] - top[0])) + fy * (low[0] + fx * (low[1] - low[0]));
+        return (1.0 - fy) * ((1.0 - fx) * levels[top[0]] + fx * levels[top[1]]) +
+               fy * ((1.0 - fx) * levels[low[0]] + fx * levels[low[1]]);
     }
 };
+
+// The place of the extremum of a parabola through three values, from the middle one.
+double vertex(double left, double here, double right)
+{
+    const double curvature = left - 2.0 * here + right;
+    return curvature < 0.0 ? std::clamp(0.5 * (left - right) / curvature, -0.5, 0.5) : 0.0;
+}
 
 }  // namespace
 
@@ -60,12 +72,14 @@ double image_noise(const Image& image)
 }
 
 void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Camera& camera, int range, double noise,
-                  const Eigen::VectorXd& contrast)
+                  double gamma, const Eigen::VectorXd& contrast)
 {
-    const Pixels pixels{image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0))};
+    Pixels pixels{image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)), {}};
+    for (int i = 0; i < 256; ++i)
+        pixels.levels[i] = {i, 255.0 * std::pow(i / 255.0, gamma)};
     const double threshold = std::max(THRESHOLD * NOISE_GAIN * noise / std::sqrt(3.0), MIN_RESPONSE);
     const int reach = range + HALF + 1;
-    std::vector<double> profile(2 * reach + 1), response(2 * range + 3);
+    std::vector<Level> profile(2 * reach + 1), response(2 * range + 3);
     for (VisibleEdge& edge : edges) {
         const Vector2d normal = edge.normal / camera.focal, tangent = edge.tangent() / camera.focal;
         const double remembered = contrast[edge.edge];
@@ -86,7 +100,7 @@ void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Cam
                 }
             }
             for (int i = -range - 1; i <= range + 1; ++i) {
-                double sum = 0.0;
+                Level sum = Level::Zero();
                 for (int j = -HALF; j <= HALF; ++j)
                     sum += TAPS[j + HALF] * profile[i + j + reach];
                 response[i + range + 1] = sum;
@@ -94,16 +108,22 @@ void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Cam
             sample.count = 0;
             std::array<double, MAX_CANDIDATES> scores{};
             for (int i = 1; i <= 2 * range + 1; ++i) {
-                const double left = std::abs(response[i - 1]), here = std::abs(response[i]),
-                             right = std::abs(response[i + 1]);
+                const double left = std::abs(response[i - 1][0]), here = std::abs(response[i][0]),
+                             right = std::abs(response[i + 1][0]);
                 if (here < threshold || here < left || here <= right)
                     continue;
-                const double curvature = left - 2.0 * here + right;
-                const double shift = curvature < 0.0 ? std::clamp(0.5 * (left - right) / curvature, -0.5, 0.5) : 0.0;
-                const Candidate candidate{static_cast<float>(i - range - 1 + shift), static_cast<float>(response[i])};
+                // Lenses blur light, not grey levels: where the light has its step, the edge is.
+                int light = i;
+                for (int j : {i - 1, i + 1})
+                    if (j > 0 && j < 2 * range + 2 && std::abs(response[j][1]) > std::abs(response[light][1]))
+                        light = j;
+                const double shift = vertex(std::abs(response[light - 1][1]), std::abs(response[light][1]),
+                                            std::abs(response[light + 1][1]));
+                const double step = response[i][0];
+                const Candidate candidate{static_cast<float>(light - range - 1 + shift), static_cast<float>(step)};
                 double score = here;
                 if (remembered != 0.0) {
-                    const double off = (response[i] - remembered) / (std::abs(remembered) + threshold);
+                    const double off = (step - remembered) / (std::abs(remembered) + threshold);
                     score = 0.2 * std::min(here / std::abs(remembered), 1.0) + std::exp(-2.0 * off * off);
                 }
                 // Insert in order of the score; the weakest falls out.

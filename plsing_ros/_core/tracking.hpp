@@ -128,7 +128,7 @@ using Image = py::array_t<std::uint8_t, py::array::c_style>;
 
 // Fill the candidates of each sample from the image.
 void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Camera& camera, int range, double noise,
-                  const Eigen::VectorXd& contrast);
+                  double gamma, const Eigen::VectorXd& contrast);
 // The standard deviation of the noise of an image [grey levels].
 double image_noise(const Image& image);
 

@@ -121,7 +121,7 @@ class LineTracker:
         )
         if not len(visible):
             return None
-        compiled.search_edges(visible, image, camera.numbers, search_range, noise, self._contrast)
+        compiled.search_edges(visible, image, camera.numbers, search_range, noise, 2.2, self._contrast)
         lines = compiled.fit_edge_lines(visible, camera.focal, search_range)
         rotation, translation, found, scale, chosen, weights = self._core.fit_pose(
             lines, pose.rotation, pose.translation, prior.rotation, prior.translation, information
