@@ -110,6 +110,10 @@ void bind_tracking(pybind11::module_& module)
             throw std::invalid_argument("as many points as images of them are needed");
         return result_of(fit_points(points, seen, deviation, transform(rotation, translation)));
     });
+    module.def("motion_between", [](const Matrix3d& rotation, const Vector3d& translation, const Matrix3d& to_rotation,
+                                    const Vector3d& to_translation) {
+        return motion(transform(rotation, translation), transform(to_rotation, to_translation));
+    });
     module.def("image_noise", [](const Image& image) {
         check(image);
         return image_noise(image);

@@ -100,7 +100,9 @@ class Model:
             polygons = [tuple(int(row_of[row]) for row in face) for face in faces]
             extra = [(int(row_of[a]), int(row_of[b])) for a, b in extra_edges]
         except IndexError:
-            raise GeometryError(f"a face names a vertex that does not exist; there are 0 to {len(points) - 1}") from None
+            raise GeometryError(
+                f"a face names a vertex that does not exist; there are 0 to {len(points) - 1}"
+            ) from None
         normals = [_normal(number, face, merged)[0] for number, face in enumerate(polygons)]
         borders: dict[tuple[int, int], list[int]] = {}
         for number, face in enumerate(polygons):
@@ -143,9 +145,7 @@ def _checked_edges(edges: npt.ArrayLike, vertices: Array) -> IntArray:
     if pairs.ndim != 2 or pairs.shape[1:] != (2,) or not len(pairs) or pairs.dtype.kind not in "iu":
         raise GeometryError(f"edges have shape {pairs.shape}; at least one pair of whole numbers is needed")
     if pairs.min() < 0 or pairs.max() >= len(vertices):
-        raise GeometryError(
-            f"edges name vertices {pairs.min()} to {pairs.max()}; there are 0 to {len(vertices) - 1}"
-        )
+        raise GeometryError(f"edges name vertices {pairs.min()} to {pairs.max()}; there are 0 to {len(vertices) - 1}")
     size = float(np.abs(vertices).max())
     for row, (a, b) in enumerate(pairs):
         if np.linalg.norm(vertices[a] - vertices[b]) <= _SAME * size:
@@ -183,7 +183,9 @@ def _cut(number: int, face: tuple[int, ...], vertices: Array) -> list[tuple[int,
     normal, warp = _normal(number, face, vertices)
     size = float(np.ptp(vertices, axis=0).max())
     if warp > _MAX_WARP * size:
-        raise GeometryError(f"face {number} is not flat: a vertex is {warp:.3g} m from its plane; cut it into triangles")
+        raise GeometryError(
+            f"face {number} is not flat: a vertex is {warp:.3g} m from its plane; cut it into triangles"
+        )
     rest = list(face)
     triangles: list[tuple[int, ...]] = []
     while len(rest) > 3:

@@ -53,7 +53,9 @@ class PinholeCamera:
             )
         coefficients = tuple(float(each) for each in self.distortion)
         if len(coefficients) > 8:
-            raise GeometryError(f"{len(coefficients)} coefficients of distortion; at most 8 (k1 to k6, p1, p2) are known")
+            raise GeometryError(
+                f"{len(coefficients)} coefficients of distortion; at most 8 (k1 to k6, p1, p2) are known"
+            )
         checked_array("the distortion", coefficients, (len(coefficients),))
         object.__setattr__(self, "distortion", coefficients)
         packed = np.zeros(12)

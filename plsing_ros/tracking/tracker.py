@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
+import math
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +18,7 @@ from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
+from plsing_ros.tracking.alternatives import angle_between, flipped, symmetries
 from plsing_ros.tracking.camera import PinholeCamera
 from plsing_ros.tracking.points import FacePoints, PointPose
 from plsing_ros.tracking.tracking import Tracking, TrackingState
@@ -24,8 +28,22 @@ Image = npt.NDArray[np.uint8]
 _STEP = 4.0  # between samples along an edge [px]
 _MARGIN = 6.0  # of samples from the border of the image [px]
 _RANGES = (8, 4)  # of the search across an edge, pass after pass [px]
+_RANGES_WITH_POINTS = (5, 3)  # points say well where to search
 _SEARCH_RANGES = (32, 16, 8, 4)
 _TOLERANCE = 1.5  # of an edge in the image from the projected one [px]
+# Squared distance of the pose by all cues from the one by points, in standard deviations: beyond, they do not agree.
+_MAX_DISTANCE = 9.0
+# Support beyond chance: what is needed, with and without points, and what is good enough to learn from.
+_MIN_EXCESS = 0.45
+_MIN_EXCESS_WITH_POINTS = 0.2
+_GOOD_EXCESS = 0.6
+_MIN_GAIN = 0.1
+# WEAK if the standard deviation of the object's position exceeds this share of its radius.
+_MAX_DEVIATION = 0.3
+# Poses that look the same and differ by less cannot be told apart; more with each image without the object [rad].
+_MIN_DOUBT, _DOUBT_PER_LOSS = 0.5, 0.1
+# Errors of edges last for some images: the variance of a pose that is carried on by points grows by this each time.
+_FORGETTING = 1.5
 _NOTHING = np.zeros((6, 6))
 
 
@@ -35,12 +53,16 @@ class _Fit:
 
     T_camera_model: Pose
     information: Array
+    distance: float  # squared, from the pose of the points, in their standard deviations
     scale: float
     edges: npt.NDArray[np.int_]  # rows of the model's edges that have a line
     lines: Array  # phi, rho, var phi, cov, var rho, support, contrast, offset of each
     weights: Array
     visible: npt.NDArray[np.int_]
     counts: Array  # samples, explained and by chance of each visible edge
+    samples: Any  # of the native core: what was found along the edges, and the lines through it
+    measured: Any
+    by_points_alone: bool = False
 
     @property
     def support(self) -> float:
@@ -63,9 +85,10 @@ class LineTracker:
         model: The object; the scene frame is the model's frame.
         camera: The camera.
         use_points: Follow points on the faces as well, where OpenCV is installed.
+        gamma: Exponent from grey levels to light: 2.2 of nearly all cameras, 1 of those that are linear.
     """
 
-    def __init__(self, model: Model, camera: PinholeCamera, use_points: bool = True) -> None:
+    def __init__(self, model: Model, camera: PinholeCamera, use_points: bool = True, gamma: float = 2.2) -> None:
         self.model = model
         self.camera = camera
         self._core = compiled.EdgeModel(model.vertices, model.edges, model.triangles, model.edge_triangles)
@@ -73,6 +96,29 @@ class LineTracker:
         self._points = None if cv is None else FacePoints(model, camera, cv)
         self._contrast = np.zeros(len(model))
         self._last: Pose | None = None  # T_camera_model
+        self._losses = 0  # images since the last good one
+        self._symmetries = symmetries(model)
+        self._doubt = _MIN_DOUBT  # how far the object may have turned unseen [rad]
+        self._noise = 0.0  # of the image [grey levels]
+        self._gamma = gamma
+
+    def start(self, pose: Pose) -> None:
+        """Begin anew at a pose that is known from elsewhere; the next image is searched widely round it.
+
+        Args:
+            pose: T_world_camera.
+        """
+        self._last = pose.inverse()
+        self._doubt = _MIN_DOUBT
+        self._losses = 1
+        self._contrast[:] = 0.0
+        if self._points is not None:
+            self._points.forget()
+
+    @property
+    def T_world_camera(self) -> Pose | None:
+        """The last pose that was found; None before the first."""
+        return None if self._last is None else self._last.inverse()
 
     def track(self, image: Image, pose: Pose | None = None) -> Tracking:
         """Return where the object is in the next image.
@@ -88,74 +134,149 @@ class LineTracker:
         predicted = pose.inverse() if pose is not None else self._last
         if predicted is None:
             raise ObservationError("no pose to start from: give the first image's pose, or search for it")
-        noise = compiled.image_noise(grey)
+        self._noise = compiled.image_noise(grey)
         by_points = self._points.follow(grey, predicted) if self._points is not None else None
+        ranges = _RANGES if self._losses == 0 else _SEARCH_RANGES
         fit = None
         if by_points is not None:
-            fit = self._fit(grey, noise, by_points.T_camera_model, _RANGES, by_points)
-        if fit is None or fit.excess < 0.5:
-            other = self._fit(grey, noise, predicted, _RANGES, None)
-            if fit is None or (other is not None and other.excess > fit.excess + 0.1):
+            fit = self._fit(grey, by_points.T_camera_model, _RANGES_WITH_POINTS, by_points)
+            if fit is None or fit.distance > _MAX_DISTANCE:
+                # Points and edges do not agree: edges are believed only where they explain much more.
+                alone = self._at(grey, by_points)
+                enough = alone is not None and (fit is None or alone.excess > min(fit.excess - _MIN_GAIN, _MIN_EXCESS))
+                fit, by_points = (alone, by_points) if enough else (fit, None)
+        if fit is None or fit.excess < _MIN_EXCESS:
+            other = self._fit(grey, predicted, ranges, None)
+            if other is not None and (fit is None or other.excess > fit.excess + _MIN_GAIN):
                 fit, by_points = other, None
         return self._concluded(grey, fit, by_points)
 
-    def _fit(
-        self, image: Image, noise: float, pose: Pose, ranges: tuple[int, ...], points: PointPose | None
-    ) -> _Fit | None:
+    def _fit(self, image: Image, pose: Pose, ranges: tuple[int, ...], points: PointPose | None) -> _Fit | None:
+        """Return the edges fitted with smaller and smaller ranges; None where there are none."""
         information = _NOTHING if points is None else np.linalg.inv(points.covariance)
         prior = pose
         fit = None
         for search_range in ranges:
-            fit = self._pass(image, noise, pose, search_range, prior, information) or fit
+            fit = self._pass(image, pose, search_range, prior, information) or fit
             if fit is None:
                 return None
             pose = fit.T_camera_model
         return fit
 
-    def _pass(
-        self, image: Image, noise: float, pose: Pose, search_range: int, prior: Pose, information: Array
-    ) -> _Fit | None:
+    def _at(self, image: Image, points: PointPose) -> _Fit | None:
+        """Return what the edges say at the pose of the points, without moving it."""
+        certain = 1e12 * np.eye(6)
+        pose = points.T_camera_model
+        fit = self._pass(image, pose, _RANGES_WITH_POINTS[-1], pose, certain)
+        if fit is None:
+            return None
+        return dataclasses.replace(
+            fit, T_camera_model=pose, information=np.linalg.inv(points.covariance), by_points_alone=True
+        )
+
+    def _pass(self, image: Image, pose: Pose, search_range: int, prior: Pose, information: Array) -> _Fit | None:
         camera = self.camera
         visible = self._core.visible_edges(
             pose.rotation, pose.translation, camera.numbers, camera.width, camera.height, _STEP, _MARGIN
         )
         if not len(visible):
             return None
-        compiled.search_edges(visible, image, camera.numbers, search_range, noise, 2.2, self._contrast)
+        compiled.search_edges(visible, image, camera.numbers, search_range, self._noise, self._gamma, self._contrast)
         lines = compiled.fit_edge_lines(visible, camera.focal, search_range)
         rotation, translation, found, scale, chosen, weights = self._core.fit_pose(
             lines, pose.rotation, pose.translation, prior.rotation, prior.translation, information
         )
+        off = compiled.motion_between(rotation, translation, prior.rotation, prior.translation)
+        distance = float(off @ information @ off)
         counts = self._core.support(visible, rotation, translation, camera.focal, search_range, _TOLERANCE)
         return _Fit(
-            Pose(rotation, translation), found, scale, np.array(lines.edges, dtype=int), lines.chosen(chosen),
-            np.array(weights), np.array(visible.edges, dtype=int), counts,
+            Pose(rotation, translation),
+            found,
+            distance,
+            scale,
+            np.array(lines.edges, dtype=int),
+            lines.chosen(chosen),
+            np.array(weights),
+            np.array(visible.edges, dtype=int),
+            counts,
+            visible,
+            lines,
         )
 
     def _concluded(self, image: Image, fit: _Fit | None, points: PointPose | None) -> Tracking:
-        if fit is None or fit.excess < 0.3:
-            if self._points is not None:
-                self._points.forget()
+        needed = _MIN_EXCESS if points is None else _MIN_EXCESS_WITH_POINTS
+        if self._losses and points is None:
+            # Searched widely, other things are found, too.
+            needed = _GOOD_EXCESS
+        if fit is None or fit.excess < needed:
+            self._losses += 1
+            self._doubt = min(self._doubt + _DOUBT_PER_LOSS, math.pi + 0.1)
             share = 0.0 if fit is None else fit.support
             return self._lost(f"the image explains {share:.0%} of the visible edges")
-        state, reason = TrackingState.TRACKING, ""
+        self._losses = 0
         pose = fit.T_camera_model
         covariance = np.linalg.inv(fit.information + 1e-9 * np.eye(6))
+        state, reason = self._verdict(fit, covariance)
         self._last = pose
         good = fit.weights > 0.5
-        rows, contrast = fit.edges[good], fit.lines[good, 6]
-        before = self._contrast[rows]
-        self._contrast[rows] = np.where(before == 0.0, contrast, 0.7 * before + 0.3 * contrast)
-        if self._points is not None and (points is None or self._points.is_worn):
-            self._points.take(image, pose, covariance)
+        if fit.excess >= _GOOD_EXCESS:
+            rows, contrast = fit.edges[good], fit.lines[good, 6]
+            before = self._contrast[rows]
+            self._contrast[rows] = np.where(before == 0.0, contrast, 0.7 * before + 0.3 * contrast)
+        if self._points is not None:
+            growth = 1.0 if fit.by_points_alone else _FORGETTING
+            self._points.anchor(image, points, pose, growth * covariance, fit.excess >= _GOOD_EXCESS)
         T_world_camera = pose.inverse()
         turn = T_world_camera.rotation
         to_scene = np.zeros((6, 6))
         to_scene[:3, :3] = to_scene[3:, 3:] = turn
         return Tracking(
-            state, reason, T_world_camera, to_scene @ covariance @ to_scene.T, self._observation(fit, good),
-            fit.support, fit.chance, 0 if points is None else points.count,
+            state,
+            reason,
+            T_world_camera,
+            to_scene @ covariance @ to_scene.T,
+            self._observation(fit, good),
+            fit.support,
+            fit.chance,
+            0 if points is None else len(points.points),
         )
+
+    def _verdict(self, fit: _Fit, covariance: Array) -> tuple[TrackingState, str]:
+        other = self._alternative(fit)
+        if other is not None:
+            degrees = math.degrees(angle_between(other, fit.T_camera_model))
+            return TrackingState.AMBIGUOUS, f"a pose turned by {degrees:.0f} degrees explains the edges as well"
+        if fit.excess < _GOOD_EXCESS:
+            return TrackingState.WEAK, f"the image explains only {fit.support:.0%} of the visible edges"
+        deviation = math.sqrt(float(np.linalg.eigvalsh(self._at_object(covariance, fit.T_camera_model))[-1]))
+        if deviation > _MAX_DEVIATION * self.model.radius:
+            return TrackingState.WEAK, f"the edges leave the position uncertain by {deviation:.2g} m"
+        return TrackingState.TRACKING, ""
+
+    def _at_object(self, covariance: Array, T_camera_model: Pose) -> Array:
+        """Return the covariance of the position of the model's middle in the camera frame, shape (3, 3) [m^2]."""
+        x, y, z = T_camera_model.rotation @ self.model.center + T_camera_model.translation
+        lever = np.array([[1.0, 0.0, 0.0, 0.0, z, -y], [0.0, 1.0, 0.0, -z, 0.0, x], [0.0, 0.0, 1.0, y, -x, 0.0]])
+        at_object: Array = lever @ covariance @ lever.T
+        return at_object
+
+    def _alternative(self, fit: _Fit) -> Pose | None:
+        """Return another pose that explains the edges and may have been reached since the last certain one."""
+        pose = fit.T_camera_model
+        for symmetry in self._symmetries:
+            turned = pose @ symmetry
+            if angle_between(turned, pose) < self._doubt:
+                return turned
+        start = flipped(self.model, fit.visible, pose)
+        if start is None or angle_between(start, pose) > self._doubt:
+            return None
+        rotation, translation, *_ = self._core.fit_pose(
+            fit.measured, start.rotation, start.translation, start.rotation, start.translation, _NOTHING
+        )
+        other = Pose(rotation, translation)
+        counts = self._core.support(fit.samples, rotation, translation, self.camera.focal, _RANGES[-1], _TOLERANCE)
+        explains = counts[:, 1].sum() >= (1.0 - _MIN_GAIN) * fit.counts[:, 1].sum()
+        return other if explains and angle_between(other, pose) > 0.5 * angle_between(start, pose) else None
 
     def _observation(self, fit: _Fit, good: npt.NDArray[np.bool_]) -> LineObservation:
         n = len(self.model)

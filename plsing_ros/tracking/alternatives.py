@@ -1,0 +1,98 @@
+"""Other poses of an object that look the same: symmetries, and the second pose of a flat object."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plsing_ros.arrays import Array, cross
+from plsing_ros.geometry import Pose
+from plsing_ros.geometry.model import Model
+from plsing_ros.geometry.rotations import exponential
+
+# Vertices, as a share of the model's size, and planes of visible edges.
+_TOLERANCE = 1e-3
+# Models with more edges are taken as they are: comparing all with all would take too long.
+_MAX_EDGES = 200
+
+
+def symmetries(model: Model) -> list[Pose]:
+    """Return the rotations other than none, about the model's middle, that map its edges onto its edges.
+
+    Each is the pose T_model_model' of the turned model.
+    """
+    if len(model) > _MAX_EDGES:
+        return []
+    used = np.unique(model.edges)
+    middle = model.vertices[used].mean(axis=0)
+    points = model.vertices - middle
+    size = float(np.linalg.norm(points[used], axis=1).max())
+    pairs = {frozenset(edge) for edge in model.edges.tolist()}
+    first = next((edge for edge in model.edges if _spans(points[edge], size)), None)
+    if first is None:
+        return []
+    found: list[Pose] = []
+    for edge in model.edges:
+        for ends in (edge, edge[::-1]):
+            if np.abs(points[ends] @ points[ends].T - points[first] @ points[first].T).max() > _TOLERANCE * size**2:
+                continue
+            rotation = _basis(points[ends]) @ _basis(points[first]).T
+            if np.trace(rotation) > 3.0 - 1e-6 or not _maps(rotation, points, used, pairs, _TOLERANCE * size):
+                continue
+            found.append(Pose(rotation, middle - rotation @ middle))
+    return found
+
+
+def flipped(model: Model, edges: Array, T_camera_model: Pose) -> Pose | None:
+    """Return the pose near the second minimum of a flat set of edges; None if they are not flat.
+
+    A flat object that is tilted about a line of sight to one side looks nearly as if it were tilted to the other.
+
+    Args:
+        model: The object.
+        edges: Rows of the visible edges.
+        T_camera_model: The pose.
+
+    Source: Schweighofer and Pinz (2006), whose two minima are these in the limit of weak perspective.
+    """
+    used = np.unique(model.edges[edges])
+    points = model.vertices[used] @ T_camera_model.rotation.T + T_camera_model.translation
+    middle = points.mean(axis=0)
+    _, values, axes = np.linalg.svd(points - middle)
+    if len(used) < 3 or values[-1] > _TOLERANCE * values[0]:
+        return None
+    normal, sight = axes[-1], middle / np.linalg.norm(middle)
+    normal = normal * math.copysign(1.0, float(normal @ sight))
+    axis = cross(normal, sight)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-9:
+        return None
+    turn, _ = exponential(2.0 * math.asin(min(sine, 1.0)) / sine * axis)
+    return Pose(turn, middle - turn @ middle) @ T_camera_model
+
+
+def angle_between(a: Pose, b: Pose) -> float:
+    """Return by how much two poses are turned against each other [rad]."""
+    return math.acos(min(max(0.5 * (float(np.vdot(a.rotation, b.rotation)) - 1.0), -1.0), 1.0))
+
+
+def _spans(ends: Array, size: float) -> bool:
+    """Return whether the two ends of an edge and the middle of the model are no line, so that they fix a rotation."""
+    return float(np.linalg.norm(cross(ends[0], ends[1]))) > 1e-2 * size * size
+
+
+def _basis(ends: Array) -> Array:
+    x = ends[0] / np.linalg.norm(ends[0])
+    z = cross(ends[0], ends[1])
+    z /= np.linalg.norm(z)
+    return np.column_stack([x, cross(z, x), z])
+
+
+def _maps(rotation: Array, points: Array, used: Array, pairs: set[frozenset[int]], tolerance: float) -> bool:
+    image = points[used] @ rotation.T
+    apart = np.linalg.norm(image[:, np.newaxis] - points[np.newaxis, used], axis=2)
+    if apart.min(axis=1).max() > tolerance:
+        return False
+    to = dict(zip(used.tolist(), used[apart.argmin(axis=1)].tolist(), strict=True))
+    return all(frozenset(to[end] for end in pair) in pairs for pair in pairs)
