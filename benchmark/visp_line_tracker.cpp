@@ -18,6 +18,7 @@ static vpHomogeneousMatrix read_pose()
     return pose;
 }
 
+// GPL-2 libraries are linked here, so the program is never shipped.
 int main()
 {
     std::string mode, file;

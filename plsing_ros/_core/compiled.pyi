@@ -10,6 +10,12 @@ import numpy.typing as npt
 from plsing_ros.arrays import Array, BoolArray
 
 IndexArray = npt.NDArray[np.intp]
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from plsing_ros.arrays import Array
 
 # lines.cpp
 
@@ -361,3 +367,87 @@ def closest_approach(
         which it comes nearer, as a share of the speed, or NaN if the motion does not change that distance; the time to
         the closest approach [s] and its distance [m], or NaN if there is none.
     """
+
+# bind_tracking.cpp: visible_edges.cpp, edge_search.cpp, line_fit.cpp, line_pose.cpp. Poses are T_camera_model; a camera
+# is PinholeCamera.numbers; what comes back of a fit is rotation, translation, information (6, 6) of a motion of the
+# model in the camera frame, scale of the residuals, which line of each edge was taken, and its weight in [0, 1].
+
+GreyImage = npt.NDArray[np.uint8]
+IntArray = npt.NDArray[np.int32]
+_Fit = tuple[Array, Array, Array, float, list[int], list[float]]
+
+class VisibleEdges:
+    """Visible parts of edges, sampled, and what was found there."""
+
+    edges: list[int]
+    def __len__(self) -> int: ...
+    def points(self, i: int) -> Array:
+        """Return the samples of a visible edge in the normalised image, shape (k, 2)."""
+
+    def candidates(self, i: int) -> list[list[tuple[float, float]]]:
+        """Return, for each sample, the offsets [px] of steps of brightness and their heights, best first."""
+
+class EdgeLines:
+    """The lines that fit each visible edge, best first."""
+
+    edges: list[int]
+    def __len__(self) -> int: ...
+    def chosen(self, chosen: list[int]) -> Array:
+        """Return one line of each edge: phi, rho, their variances and covariance, support, contrast, offset [px]."""
+
+class EdgeModel:
+    """Vertices, edges and triangles of an object."""
+
+    def __init__(
+        self, vertices: Array, edges: IntArray, triangles: IntArray, edge_triangles: Sequence[Sequence[int]]
+    ) -> None: ...
+    def visible_edges(
+        self,
+        rotation: Array,
+        translation: Array,
+        camera: Array,
+        width: int,
+        height: int,
+        step: float,
+        margin: float,
+    ) -> VisibleEdges: ...
+    def fit_pose(
+        self,
+        lines: EdgeLines,
+        rotation: Array,
+        translation: Array,
+        prior_rotation: Array,
+        prior_translation: Array,
+        prior_information: Array,
+    ) -> _Fit: ...
+    def support(
+        self,
+        visible: VisibleEdges,
+        rotation: Array,
+        translation: Array,
+        focal: float,
+        search_range: int,
+        tolerance: float,
+    ) -> Array:
+        """Return, for each visible edge, its samples, those with a step at the pose, and how many would by chance."""
+
+def search_edges(
+    visible: VisibleEdges,
+    image: GreyImage,
+    camera: Array,
+    search_range: int,
+    noise: float,
+    gamma: float,
+    contrast: Array,
+) -> None:
+    """Look for steps of brightness across each visible edge."""
+
+def fit_edge_lines(visible: VisibleEdges, focal: float, search_range: int) -> EdgeLines: ...
+def fit_points(points: Array, seen: Array, deviation: float, rotation: Array, translation: Array) -> _Fit:
+    """Return the pose that fits points of the model, shape (n, 3), to their images on z = 1, shape (n, 2)."""
+
+def motion_between(rotation: Array, translation: Array, to_rotation: Array, to_translation: Array) -> Array:
+    """Return the motion (v, omega) in the camera frame from one pose to another."""
+
+def image_noise(image: GreyImage) -> float:
+    """Return the standard deviation of an image's noise [grey levels]."""

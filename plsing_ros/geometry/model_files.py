@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from plsing_ros.errors import PlsingError, SceneFileError
+from plsing_ros.errors import GeometryError, PlsingError, SceneFileError
 from plsing_ros.geometry.model import Model
 
 _MAX_DEPTH = 8  # of .cao files that load each other
@@ -51,13 +51,12 @@ def model_from_lists(vertices: list[float], faces: list[int], edges: list[int], 
         frame: Frame of the vertices.
 
     Raises:
-        SceneFileError: If the lists have impossible lengths.
-        GeometryError: If they do not describe a model.
+        GeometryError: If the lists have impossible lengths or do not describe a model.
     """
     if len(vertices) % 3 or not vertices:
-        raise SceneFileError(f"model.vertices has {len(vertices)} numbers; it must have 3 for each vertex")
+        raise GeometryError(f"model.vertices has {len(vertices)} numbers; it must have 3 for each vertex")
     if len(edges) % 2:
-        raise SceneFileError(f"model.edges has {len(edges)} numbers; it must have 2 for each edge")
+        raise GeometryError(f"model.edges has {len(edges)} numbers; it must have 2 for each edge")
     points = np.reshape(np.array(vertices, dtype=float), (-1, 3))
     polygons: list[list[int]] = [[]]
     for row in faces:
@@ -101,7 +100,7 @@ def _read_obj(file: Path, frame: str) -> Model:
                 if word == "f":
                     faces.append(rows)
                 else:
-                    drawn += list(zip(rows, rows[1:], strict=False))
+                    drawn += pairwise(rows)
         except ValueError as error:
             raise SceneFileError(f"model file {file}, line {number}: {error}") from None
     if not vertices or not (faces or drawn):
@@ -196,6 +195,8 @@ def _add_cao(
 
 
 def _read_yaml(file: Path, frame: str) -> Model:
+    import yaml
+
     try:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:

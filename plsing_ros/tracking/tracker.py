@@ -97,7 +97,10 @@ class LineTracker:
         self._contrast = np.zeros(len(model))
         self._last: Pose | None = None  # T_camera_model
         self._losses = 0  # images since the last good one
-        self._symmetries = symmetries(model)
+        nothing = Pose(np.eye(3), np.zeros(3))
+        turns = sorted(((angle_between(each, nothing), i, each) for i, each in enumerate(symmetries(model))))
+        # The smallest turn that maps the model onto itself [rad]; infinite if there is none.
+        self.min_symmetry, _, self._symmetry = turns[0] if turns else (math.inf, 0, None)
         self._doubt = _MIN_DOUBT  # how far the object may have turned unseen [rad]
         self._noise = 0.0  # of the image [grey levels]
         self._gamma = gamma
@@ -145,8 +148,12 @@ class LineTracker:
                 alone = self._at(grey, by_points)
                 enough = alone is not None and (fit is None or alone.excess > min(fit.excess - _MIN_GAIN, _MIN_EXCESS))
                 fit, by_points = (alone, by_points) if enough else (fit, None)
-        if fit is None or fit.excess < _MIN_EXCESS:
-            other = self._fit(grey, predicted, ranges, None)
+        # From the prediction alone: as usual, and widely where that explains too little.
+        for reach in (ranges, _SEARCH_RANGES):
+            enough = _GOOD_EXCESS if by_points is None else _MIN_EXCESS
+            if fit is not None and fit.excess >= enough:
+                break
+            other = self._fit(grey, predicted, reach, None)
             if other is not None and (fit is None or other.excess > fit.excess + _MIN_GAIN):
                 fit, by_points = other, None
         return self._concluded(grey, fit, by_points)
@@ -235,7 +242,7 @@ class LineTracker:
             reason,
             T_world_camera,
             to_scene @ covariance @ to_scene.T,
-            self._observation(fit, good),
+            *self._observation(fit, good),
             fit.support,
             fit.chance,
             0 if points is None else len(points.points),
@@ -263,10 +270,8 @@ class LineTracker:
     def _alternative(self, fit: _Fit) -> Pose | None:
         """Return another pose that explains the edges and may have been reached since the last certain one."""
         pose = fit.T_camera_model
-        for symmetry in self._symmetries:
-            turned = pose @ symmetry
-            if angle_between(turned, pose) < self._doubt:
-                return turned
+        if self._symmetry is not None and self.min_symmetry < self._doubt:
+            return pose @ self._symmetry
         start = flipped(self.model, fit.visible, pose)
         if start is None or angle_between(start, pose) > self._doubt:
             return None
@@ -278,26 +283,29 @@ class LineTracker:
         explains = counts[:, 1].sum() >= (1.0 - _MIN_GAIN) * fit.counts[:, 1].sum()
         return other if explains and angle_between(other, pose) > 0.5 * angle_between(start, pose) else None
 
-    def _observation(self, fit: _Fit, good: npt.NDArray[np.bool_]) -> LineObservation:
+    def _observation(self, fit: _Fit, good: npt.NDArray[np.bool_]) -> tuple[LineObservation, Array]:
         n = len(self.model)
         image_lines = np.zeros((n, 3))
         usable = np.zeros(n, dtype=bool)
+        covariances = np.zeros((n, 3))
         for row, line in zip(fit.edges[good], fit.lines[good], strict=True):
             image_lines[row] = np.cos(line[0]), np.sin(line[0]), line[1]
+            covariances[row] = line[2:5]
             usable[row] = True
-        return LineObservation(self.model.ids, image_lines, usable, None)
+        return LineObservation(self.model.ids, image_lines, usable, None), covariances
 
     def _lost(self, reason: str) -> Tracking:
         n = len(self.model)
         nothing = LineObservation(self.model.ids, np.zeros((n, 3)), np.zeros(n, dtype=bool), None)
-        return Tracking(TrackingState.LOST, reason, None, np.zeros((6, 6)), nothing, 0.0, 0.0, 0)
+        return Tracking(TrackingState.LOST, reason, None, np.zeros((6, 6)), nothing, np.zeros((n, 3)), 0.0, 0.0, 0)
 
     def _checked(self, image: Image) -> Image:
         array = np.asarray(image)
         expected = (self.camera.height, self.camera.width)
         if array.dtype != np.uint8 or array.shape != expected:
             raise ObservationError(
-                f"the image has shape {array.shape} and type {array.dtype}; the camera's are {expected} and uint8 (grey)"
+                f"the image has shape {array.shape} and type {array.dtype}; the camera's are {expected} and uint8 "
+                "(grey)"
             )
         return np.ascontiguousarray(array)
 

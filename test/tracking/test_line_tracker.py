@@ -1,0 +1,179 @@
+"""LineTracker on drawn images, whose truth is exact."""
+
+import numpy as np
+import pytest
+from rendered import CAMERA, LENS, LIGHTS, QUADS, box, error, orbit, renderer
+from scipy.spatial.transform import Rotation
+
+from plsing_ros._core import compiled
+from plsing_ros.errors import GeometryError, ObservationError
+from plsing_ros.features import project_lines
+from plsing_ros.geometry import Pose
+from plsing_ros.geometry.model import Model
+from plsing_ros.tracking import LineTracker, PinholeCamera, TrackingState
+
+pytest.importorskip("cv2")
+
+
+def followed(tracker, images, start):
+    return [tracker.track(image, start if k == 0 else None) for k, image in enumerate(images)]
+
+
+@pytest.mark.parametrize(("camera", "patches", "noise"), [(CAMERA, 0, 2.0), (LENS, 25, 4.0)])
+def test_a_moving_box_is_tracked_and_its_uncertainty_is_honest(camera, patches, noise):
+    drawing = renderer(camera=camera, patches=patches, background=0.02)
+    random = np.random.default_rng(1)
+    true = [orbit(k) for k in range(30)]
+    images = [drawing.render(pose.inverse(), noise, random) for pose in true]
+    results = followed(LineTracker(box(), camera), images, true[0])
+    assert all(each.state == TrackingState.TRACKING for each in results)
+    errors = np.array([error(each.T_world_camera, pose) for each, pose in zip(results, true, strict=True)])
+    assert np.median(errors[:, 0]) < 1.0e-3 and errors[:, 0].max() < 5e-3
+    assert np.median(errors[:, 1]) < np.radians(0.1) and errors[:, 1].max() < np.radians(0.6)
+    squares, squares_of_lines = [], []
+    for each, pose in zip(results, true, strict=True):
+        turn = Rotation.from_matrix(each.T_world_camera.rotation @ pose.rotation.T).as_rotvec()
+        off = np.concatenate([each.T_world_camera.translation - pose.translation, turn])
+        squares.append(off @ np.linalg.solve(each.covariance, off))
+        image = project_lines(box().lines().transformed(pose.inverse(), "camera")).reshape(-1, 3)
+        for row in np.flatnonzero(each.observation.usable):
+            seen, (pp, pr, rr) = each.observation.image_lines[row], each.line_covariances[row]
+            angle = np.arctan2(np.linalg.det([image[row, :2], seen[:2]]), image[row, :2] @ seen[:2])
+            d = np.array([angle, seen[2] - image[row, 2]])
+            squares_of_lines.append(d @ np.linalg.solve([[pp, pr], [pr, rr]], d))
+    # Of six and two degrees of freedom: neither over- nor much under-confident.
+    assert 0.5 < np.median(squares) < 9.0
+    assert 0.1 < np.median(squares_of_lines) < 3.0
+
+
+def test_hidden_edges_are_those_that_a_ray_does_not_reach():
+    corners = box(0.1, 0.1, 0.1)
+    near = 0.4 * corners.vertices + [0.12, 0.02, 0.03]
+    model = Model(
+        np.vstack([corners.vertices, near]),
+        np.vstack([corners.edges, corners.edges + 8]),
+        corners.faces + tuple(tuple(i + 8 for i in face) for face in corners.faces),
+    )
+    core = compiled.EdgeModel(model.vertices, model.edges, model.triangles, model.edge_triangles)
+    counts = [0, 0]
+    for k in range(0, 200, 20):
+        T_camera_world = orbit(k).inverse()
+        visible = core.visible_edges(
+            T_camera_world.rotation, T_camera_world.translation, CAMERA.numbers, CAMERA.width, CAMERA.height, 4.0, 6.0
+        )
+        seen = {row: visible.points(i) for i, row in enumerate(visible.edges)}
+        corners_camera = model.vertices @ T_camera_world.rotation.T + T_camera_world.translation
+        for row, (a, b) in enumerate(corners_camera[model.edges]):
+            for share in np.linspace(0.2, 0.8, 4):
+                # Moved towards the camera, so that the faces an edge borders do not hide it.
+                near_by = [0.999 * (a + (share + step) * (b - a)) for step in (-0.05, 0.0, 0.05)]
+                hidden = [_is_hidden(point, corners_camera[model.triangles]) for point in near_by]
+                if len(set(hidden)) > 1 or np.linalg.norm(b[:2] / b[2] - a[:2] / a[2]) * 600 < 30:
+                    continue
+                image = near_by[1][:2] / near_by[1][2]
+                there = row in seen and np.linalg.norm(seen[row] - image, axis=1).min() < 4 / 600
+                assert there != hidden[1], (k, row, share)
+                counts[hidden[1]] += 1
+    assert min(counts) > 100
+
+
+def _is_hidden(point, triangles):
+    """Moeller and Trumbore's test of the segment from the camera to a point."""
+    for a, b, c in triangles:
+        matrix = np.column_stack([point, a - b, a - c])
+        if abs(np.linalg.det(matrix)) < 1e-12:
+            continue
+        distance, u, v = np.linalg.solve(matrix, a)
+        if 0.0 < distance < 1.0 and u >= 0.0 and v >= 0.0 and u + v <= 1.0:
+            return True
+    return False
+
+
+def test_what_is_not_seen_is_announced_and_found_again():
+    drawing, random = renderer(patches=25), np.random.default_rng(2)
+    tracker = LineTracker(box(), CAMERA)
+    images = [drawing.render(orbit(k).inverse(), 2.0, random) for k in range(12)]
+    for k, nothing in ((4, 0), (5, 0), (6, 255)):
+        images[k] = np.full_like(images[k], nothing)
+    results = followed(tracker, images, orbit(0))
+    for k, result in enumerate(results):
+        if 4 <= k <= 6:
+            assert result.state == TrackingState.LOST and result.reason and not result.observation.usable.any()
+        else:
+            assert result.state == TrackingState.TRACKING and error(result.T_world_camera, orbit(k))[0] < 5e-3
+
+
+def test_a_first_pose_that_is_off_is_searched_for():
+    drawing, random = renderer(background=0.02), np.random.default_rng(3)
+    image = drawing.render(orbit(0).inverse(), 2.0, random)
+    for _ in range(6):
+        turn = Rotation.from_rotvec(np.radians(4.0) * random.normal(size=3) / np.sqrt(3.0)).as_matrix()
+        tracker = LineTracker(box(), CAMERA)
+        start = Pose(turn, 0.008 * random.normal(size=3) / np.sqrt(3.0)) @ orbit(0)
+        tracker.start(start)
+        result = tracker.track(image)
+        assert result.state == TrackingState.TRACKING and error(result.T_world_camera, orbit(0))[0] < 5e-3
+
+
+def test_a_flat_object_seen_from_afar_and_a_fine_prism_are_ambiguous():
+    plate = Model.from_faces(
+        0.5 * np.array([[-0.1, -0.07, 0], [0.1, -0.07, 0], [0.1, 0.07, 0], [-0.1, 0.07, 0]]), [range(4)]
+    )
+    afar = Pose.look_at((0.1, 0.15, 1.6), (0, 0, 0))
+    image = renderer(plate).render(afar.inverse(), 1.0, np.random.default_rng(4))
+    result = LineTracker(plate, CAMERA).track(image, afar)
+    assert result.state == TrackingState.AMBIGUOUS and "explains the edges as well" in result.reason
+    angles = np.arange(16) * np.pi / 8
+    ring = 0.06 * np.column_stack([np.cos(angles), np.sin(angles)])
+    vertices = np.vstack([np.column_stack([ring, np.full(16, z)]) for z in (-0.04, 0.04)])
+    sides = [(i, (i + 1) % 16, 16 + (i + 1) % 16, 16 + i) for i in range(16)]
+    prism = Model.from_faces(vertices, [tuple(range(15, -1, -1)), tuple(range(16, 32)), *sides])
+    drawing = renderer(prism)
+    drawing._lights = (0.3, 0.8, *np.tile((0.3, 0.6), 8))
+    result = LineTracker(prism, CAMERA).track(drawing.render(orbit(0).inverse()), orbit(0))
+    assert result.state == TrackingState.AMBIGUOUS and "22 degrees" in result.reason
+
+
+def test_an_object_without_symmetry_is_not_called_ambiguous():
+    corners = box().vertices.copy()
+    corners[6] += [0.02, 0.015, 0.03]
+    faces = [half for a, b, c, d in QUADS for half in ((a, b, c), (a, c, d))]
+    tracker = LineTracker(Model.from_faces(corners, faces), CAMERA)
+    assert tracker.min_symmetry > np.pi
+    assert LineTracker(box(), CAMERA).min_symmetry == pytest.approx(np.pi)
+    assert LIGHTS
+
+
+@pytest.mark.parametrize(
+    "image", [np.zeros((480, 640)), np.zeros((480, 641), np.uint8), np.zeros((480, 640, 3), np.uint8)]
+)
+def test_an_image_of_another_camera_is_refused(image):
+    with pytest.raises(ObservationError, match="the camera's are"):
+        LineTracker(box(), CAMERA).track(image, orbit(0))
+
+
+def test_tracking_needs_a_start():
+    with pytest.raises(ObservationError, match="no pose to start from"):
+        LineTracker(box(), CAMERA).track(np.zeros((480, 640), np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"model": "equidistant"}, "known are plumb_bob, rational_polynomial"),
+        ({"matrix": [0.0] * 9}, "calibrated"),
+        ({"coefficients": [0.1] * 4}, "expected 5"),
+        ({"width": 0}, "at least 16"),
+        ({"matrix": [float("nan")] * 9}, "finite"),
+    ],
+)
+def test_a_calibration_that_is_none_is_refused(changes, said):
+    given = {"width": 640, "height": 480, "matrix": [600, 0, 320, 0, 600, 240, 0, 0, 1], "model": "plumb_bob"}
+    with pytest.raises(GeometryError, match=said):
+        PinholeCamera.from_calibration(**{**given, "coefficients": [0.0] * 5, **changes})
+
+
+def test_a_lens_is_undone():
+    pixels = np.array([[20.0, 30.0], [320.0, 240.0], [600.0, 460.0]])
+    points = np.column_stack([LENS.normalised(pixels), np.ones(3)])
+    np.testing.assert_allclose(LENS.project(2.0 * points), pixels, atol=1e-6)
