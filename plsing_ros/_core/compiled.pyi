@@ -4,18 +4,14 @@ Arrays are C-contiguous and float64 or complex128, and what comes back is new. A
 ValueError; None comes back for what has no answer. SI units, (v, omega) for twists, (direction, moment) for lines.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array, BoolArray
 
 IndexArray = npt.NDArray[np.intp]
-from collections.abc import Sequence
-
-import numpy as np
-import numpy.typing as npt
-
-from plsing_ros.arrays import Array
 
 # lines.cpp
 
