@@ -7,6 +7,7 @@ from plsing_ros.singularities.four_lines import IsolatedStatus
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
 from plsing_ros.singularities.meshing import surface_triangles
 from plsing_ros.singularities.nearest_transversal import NearestTransversal
+from plsing_ros.singularities.proximity import Proximity
 from plsing_ros.singularities.singular_set import SingularSet, singular_set
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import Transversal, TransversalFamily
@@ -22,6 +23,7 @@ __all__ = [
     "LocusDistance",
     "MotionKind",
     "NearestTransversal",
+    "Proximity",
     "SingularSet",
     "Surface",
     "Transversal",

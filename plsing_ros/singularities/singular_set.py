@@ -22,6 +22,7 @@ from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
 from plsing_ros.singularities.many_lines import isolated_points_of_many
 from plsing_ros.singularities.nearest_transversal import NearestTransversal, nearest_transversal
 from plsing_ros.singularities.parallel_lines import screws_of_parallel_lines
+from plsing_ros.singularities.proximity import Proximity, normal_condition, proximity
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.surfaces import Surface, plane_surface, three_line_cubic, transversal_surfaces
@@ -188,6 +189,23 @@ class SingularSet:
         return LocusDistance(
             self.locus_kinds[i], self.locus_names[i], float(arrays.distance[i]), arrays.closest_point[i]
         )
+
+    def proximity(self, pose_or_center: Pose | npt.ArrayLike, image_std: float = 1e-3) -> Proximity:
+        """Return how near a camera is to a singular centre, whether or not a locus is known there; for every cycle.
+
+        Args:
+            pose_or_center: T_world_camera, or the camera centre, shape (3,) [m]; in the frame of the lines.
+            image_std: Error of the image lines [rad] that the standard deviations of the pose are for.
+
+        Raises:
+            GeometryError: If the centre is not three finite numbers or beyond 1e50 m, or image_std is not positive.
+        """
+        return proximity(self.lines, self.frame, self.normal_condition, pose_or_center, image_std)
+
+    @cached_property
+    def normal_condition(self) -> float:
+        """Median inverse condition number one to three scene lengths away: what a relative condition is relative to."""
+        return normal_condition(self.frame)
 
     @cached_property
     def nearest_transversal(self) -> NearestTransversal:
