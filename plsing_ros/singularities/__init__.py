@@ -5,6 +5,7 @@ from plsing_ros.singularities.cases import Case
 from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.four_lines import IsolatedStatus
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
+from plsing_ros.singularities.locus import Locus
 from plsing_ros.singularities.meshing import surface_triangles
 from plsing_ros.singularities.nearest_transversal import NearestTransversal
 from plsing_ros.singularities.proximity import Proximity
@@ -20,6 +21,7 @@ __all__ = [
     "FourLineBatch",
     "IsolatedStatus",
     "Kind",
+    "Locus",
     "LocusDistance",
     "MotionKind",
     "NearestTransversal",

@@ -83,7 +83,7 @@ def proximity(
 
 def normal_condition(frame: SceneFrame) -> float:
     """Return the median inverse condition number at 1000 Halton points one to three scene lengths from the centre."""
-    centers = _halton_shell()
+    centers = halton_shell()
     return float(np.median(_core.scene_conditions(frame.direction, frame.point, centers)))
 
 
@@ -93,7 +93,8 @@ def conditions_at(frame: SceneFrame, centers: Array) -> Array:
 
 
 @lru_cache(maxsize=1)
-def _halton_shell() -> Array:
+def halton_shell() -> Array:
+    """Return 1000 Halton points one to three units from the origin, shape (1000, 3)."""
     # The first of the sequence is at a corner.
     radius, height, turn = qmc.Halton(3, scramble=False).random(_PLACES + 1)[1:].T
     height, turn = 2.0 * height - 1.0, 2.0 * np.pi * turn

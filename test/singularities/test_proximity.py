@@ -9,6 +9,7 @@ from strategies import line_sets, vectors
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.singularities import singular_set
+from plsing_ros.singularities.scene_frame import SceneFrame
 
 
 def unit_rows(direction, point, center):
@@ -38,7 +39,7 @@ def test_z_and_distance_are_those_of_finite_differences(lines, center):
         lines.point + 0.3 * lines.direction, lines.direction, position_std=position_std, direction_std=direction_std
     )
     singular = singular_set(measured)
-    frame = singular.frame
+    frame = SceneFrame.of(measured)
     away = np.linalg.norm(np.cross(measured.direction, measured.point - center), axis=1).min()
     values = np.linalg.svd(
         unit_rows(measured.direction, measured.point / frame.length, center / frame.length), compute_uv=False
