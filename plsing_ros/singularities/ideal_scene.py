@@ -28,6 +28,8 @@ _MAX_EXACTNESS, _STRICTER = 3.0, (1.0, 0.6, 0.35)
 _FOLLOWING = (5e-2, 3e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 # Sines and scene lengths that are zero in an exact scene.
 _ZERO = 1e-9
+# Slopes of relations of parallel lines are smaller than this.
+_HOPELESS = 30.0
 # Classes of directions up to which three of them are looked at for a common plane, and lines of a class for a circle.
 _MAX_CLASSES, _MAX_CYLINDER = 6, 12
 
@@ -81,6 +83,9 @@ class _Relations:
         self.position = self.lines.pivot - self.middle
         self.size = float(np.linalg.norm(self.position, axis=1).mean()) or 1.0
         self.rows = []
+        # Orthogonal classes (a, b); and classes (a, b) of the normal, or (a, -1), and two lines at one height along it.
+        self.orthogonal: list[tuple[int, int]] = []
+        self.planes: list[tuple[int, int, int, int]] = []
         self._classify()
         self.axis_shift, self.line_shift = np.zeros_like(self.axis), np.zeros_like(self.position)
 
@@ -133,7 +138,7 @@ class _Relations:
         orthogonal = np.abs(axes @ axes.T) <= self.meant * np.hypot(deviation[:, np.newaxis], deviation) + 1e-12
         for a, b in combinations(range(count), 2):
             if orthogonal[a, b]:
-                self._add_orthogonal(a, b)
+                self.orthogonal.append((a, b))
         if count <= _MAX_CLASSES:
             for a, b, c in combinations(range(count), 3):
                 if not orthogonal[[a, b, c]].all(axis=0).any() and not orthogonal[np.ix_([a, b, c], [a, b, c])].any():
@@ -149,9 +154,7 @@ class _Relations:
     def _relate_planes(self) -> None:
         """Make lines coplanar that are: for each normal of two classes, or class, those across it at equal heights."""
         axes, deviation = self.axes, np.sqrt(self.axis_variance)
-        normals: list[tuple[Array, tuple[int, ...], float]] = [
-            (axes[a], (a,), float(deviation[a])) for a in range(len(axes))
-        ]
+        normals = [(axes[a], (a, -1), float(deviation[a])) for a in range(len(axes))]
         for a, b in combinations(range(len(axes)), 2):
             normal = cross(axes[a], axes[b])
             sine = float(np.linalg.norm(normal))
@@ -164,7 +167,7 @@ class _Relations:
             first: int | None = None
             for row in order.tolist():
                 if first is not None and self._same_height(first, row, normal, tilt):
-                    self._add_plane(classes, first, row)
+                    self.planes.append((*classes, first, row))
                 else:
                     first = row
 
@@ -200,6 +203,9 @@ class _Relations:
         if abs(value()) <= _ZERO * self.size:
             # The planes say so already.
             return True
+        deviation = float(self.lines.position_std[rows].max() + self.size * np.sqrt(self.axis_variance[each]))
+        if abs(value()) > _HOPELESS * self.meant * deviation:
+            return False
         slopes = self._slopes(value, each, rows)
         std = self.lines.position_std
         variance = sum(
@@ -251,46 +257,12 @@ class _Relations:
         middle = 0.5 * np.linalg.lstsq(np.stack([b, c]), square, rcond=None)[0]
         return float(np.linalg.norm(points[3] - points[0] - middle) - np.linalg.norm(a - middle))
 
-    def _add_orthogonal(self, a: int, b: int) -> None:
-        self.rows.append(
-            (
-                lambda: float(self.axes[a] @ self.axes[b]),
-                lambda: {("axis", a): self.axes[b], ("axis", b): self.axes[a]},
-            )
-        )
-
     def _add_flat(self, a: int, b: int, c: int) -> None:
         def slopes() -> dict[tuple[str, int], Array]:
             u, v, w = self.axes[[a, b, c]]
             return {("axis", a): cross(v, w), ("axis", b): cross(w, u), ("axis", c): cross(u, v)}
 
         self.rows.append((lambda: float(np.linalg.det(self.axes[[a, b, c]])), slopes))
-
-    def _add_plane(self, classes: tuple[int, ...], first: int, second: int) -> None:
-        def normal() -> Array:
-            if len(classes) == 1:
-                return np.asarray(self.axes[classes[0]])
-            product = cross(self.axes[classes[0]], self.axes[classes[1]])
-            return np.asarray(product / np.linalg.norm(product))
-
-        def offset() -> Array:
-            moved = self.position + self.line_shift
-            return np.asarray(moved[second] - moved[first])
-
-        def slopes() -> dict[tuple[str, int], Array]:
-            now, between = normal(), offset()
-            found = {("line", first): -now, ("line", second): now}
-            if len(classes) == 1:
-                found["axis", classes[0]] = between
-            else:
-                # The height over |u x v|; where it is zero, the change of that length does not matter.
-                u, v = self.axes[list(classes)]
-                sine = float(np.linalg.norm(cross(u, v)))
-                found["axis", classes[0]] = cross(v, between) / sine
-                found["axis", classes[1]] = -cross(u, between) / sine
-            return found
-
-        self.rows.append((lambda: float(normal() @ offset()), slopes))
 
     def solve(self) -> tuple[float, int]:
         """Move directions and positions so that all relations hold, by the least sum of squares in tolerances.
@@ -301,7 +273,7 @@ class _Relations:
         count, n = len(self.axis), len(self.position)
         variance = np.concatenate([np.repeat(self.axis_variance, 3), np.repeat(self.lines.position_std**2, 3)])
         shift, rank = np.zeros(len(variance)), 0
-        for following in _FOLLOWING if self.rows else ():
+        for following in _FOLLOWING if self.rows or self.orthogonal or self.planes else ():
             jacobian, value = self._linearized(count, n)
             if rank and np.abs(value).max() <= 1e-14 * max(self.size, 1.0):
                 break
@@ -327,17 +299,37 @@ class _Relations:
         return bool(turned <= 0.1 * _ZERO and np.abs(self.line_shift).max() <= 0.1 * _ZERO * self.size)
 
     def _linearized(self, count: int, n: int) -> tuple[Array, Array]:
-        jacobian = np.zeros((len(self.rows), 3 * (count + n)))
-        axes = self.axes
-        for i, (_, slopes) in enumerate(self.rows):
+        """Return the derivatives of all relations by (axes, lines), shape (r, 3 (count + n)), and their values."""
+        axes, moved = self.axes, self.position + self.line_shift
+        first = len(self.orthogonal)
+        other = first + len(self.planes)
+        jacobian = np.zeros((other + len(self.rows), count + n, 3))
+        value = np.zeros(len(jacobian))
+        if self.orthogonal:
+            a, b = np.array(self.orthogonal).T
+            rows = np.arange(first)
+            jacobian[rows, a], jacobian[rows, b] = axes[b], axes[a]
+            value[:first] = (axes[a] * axes[b]).sum(axis=1)
+        if self.planes:
+            a, b, low, high = np.array(self.planes).T
+            rows, single = np.arange(first, other), (b < 0)[:, np.newaxis]
+            product = cross(axes[a], axes[b])
+            sine = np.linalg.norm(product, axis=1, keepdims=True)
+            normal = np.where(single, axes[a], product / np.maximum(sine, 1e-300))
+            between = moved[high] - moved[low]
+            jacobian[rows, count + low], jacobian[rows, count + high] = -normal, normal
+            # The height over |u x v|; where it is zero, the change of that length does not matter.
+            jacobian[rows, a] = np.where(single, between, cross(axes[b], between) / np.maximum(sine, 1e-300))
+            jacobian[rows, b] += np.where(single, 0.0, -cross(axes[a], between) / np.maximum(sine, 1e-300))
+            value[first:other] = (normal * between).sum(axis=1)
+        for i, (own, slopes) in enumerate(self.rows, start=other):
+            value[i] = own()
             for (kind, row), slope in slopes().items():
-                if kind == "axis":
-                    # Only across the direction: its length does not matter.
-                    jacobian[i, 3 * row : 3 * row + 3] = slope - (slope @ axes[row]) * axes[row]
-                else:
-                    own = axes[self.class_of[row]]
-                    jacobian[i, 3 * (count + row) : 3 * (count + row) + 3] = slope - (slope @ own) * own
-        return jacobian, np.array([value() for value, _ in self.rows])
+                jacobian[i, row if kind == "axis" else count + row] = slope
+        # Only across the directions: along them, neither a direction nor a position changes a line.
+        along = np.concatenate([axes, axes[self.class_of]])
+        jacobian -= (jacobian * along).sum(axis=2, keepdims=True) * along
+        return jacobian.reshape(len(value), -1), value
 
     def exact_lines(self) -> LineSet:
         """Return the lines now, with the orientations of the measured ones, known exactly."""

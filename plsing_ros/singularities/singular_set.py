@@ -115,7 +115,25 @@ class SingularSet:
             zip(self.isolated_points.tolist(), self.isolated_point_residuals, strict=True), start=1
         ):
             rows.append(f"isolated point {number}: {vector_text(point)} m, residual {residual:.1e}")
-        return "\n".join([*rows, *map(str, self.surfaces), *map(str, self.curves)])
+        rows += [*map(str, self.surfaces), *map(str, self.curves)]
+        if not self.lines.exact:
+            rows += ["", *self._tolerance_text]
+        return "\n".join(rows)
+
+    @cached_property
+    def _tolerance_text(self) -> list[str]:
+        """What the tolerances of the lines have to do with it, a sentence and a row for each locus."""
+        position, direction = self.lines.position_std.max(), self.lines.direction_std.max()
+        known = f"with {1e3 * position:.3g} mm and {1e3 * direction:.3g} mrad"
+        if self.singular_everywhere:
+            return [f"{known} this scene is, as far as is known of its lines, singular at every camera centre"]
+        if not self.loci:
+            return [f"{known} no singular point, line or surface is known; z tells how near any camera is to one"]
+        return [f"{known} this scene is, as far as is known of its lines, singular in:"] + [
+            f"  {locus.name}: {locus.exactness:.2g} tolerances from exact, 1/cond down to "
+            f"{locus.lowest_relative_condition:.1e} of normal, below a tenth within {locus.half_width:.3g} m"
+            for locus in self.loci
+        ]
 
     @cached_property
     def locus_names(self) -> tuple[str, ...]:
