@@ -22,7 +22,7 @@ class StatusGate:
         self._reason = ""
 
     def set_times(self, timeout: float, future_tolerance: float) -> None:
-        """Use other times [s], as in Freshness, from now on."""
+        """Use other times [s], as in StampFilter, from now on."""
         self._stamp_filter.timeout, self._stamp_filter.future_tolerance = timeout, future_tolerance
 
     def receive(self, level: int, reason: str, stamp: int, now: int) -> None:
