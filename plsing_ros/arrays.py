@@ -13,6 +13,7 @@ from plsing_ros.errors import GeometryError, PlsingError
 
 Array = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.intp]
 
 _FEW = 32
 _FLOAT = np.dtype(np.float64)

@@ -11,12 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.analysis.accuracy import MIN_LINES, Camera, line_information, position_deviations
-from plsing_ros.arrays import Array, BoolArray, checked_array
+from plsing_ros.arrays import Array, BoolArray, IntArray, checked_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.singularities import singular_set
-
-IntArray = npt.NDArray[np.intp]
 
 # Up to so many sets all are tried.
 MAX_EXHAUSTIVE = 400_000

@@ -53,7 +53,7 @@ def _on_cluster(function: Callable[[_T], _R], tasks: Sequence[_T], scheduler: st
     except ImportError:
         raise SchedulerError("--scheduler needs the package distributed: pip install 'plsing_ros[dask]'") from None
     try:
-        client: Any = Client(scheduler, timeout=_CONNECT)
+        client: Any = Client(scheduler, timeout=_CONNECT)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
         raise SchedulerError(
             f"no Dask scheduler answers at {scheduler} ({error}); start one with `dask scheduler` and workers with "

@@ -121,7 +121,7 @@ class PoseLaws:
         self._doubt += _MEMORY * (explained / (6.0 * noise) - self._doubt)
         known = known / max(1.0, self._doubt)
         information = normal / noise + known
-        delta = np.linalg.solve(information, right / noise)
+        delta = np.asarray(np.linalg.solve(information, right / noise), dtype=float)
         return Displacement(_composed(pose.twist, delta), np.linalg.inv(information))
 
     def _look_at(self, ids: tuple[int, ...]) -> None:

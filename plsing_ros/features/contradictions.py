@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plsing_ros.arrays import Array, cross
+from plsing_ros.arrays import Array, IntArray, cross
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet, Pose, align_lines
 
@@ -112,7 +112,7 @@ def _turned_rows(ids: tuple[int, ...], angle: Array, allowed: Array) -> str | No
     )
 
 
-def _exchanged_rows(ids: tuple[int, ...], image: Array, projected: Array, angle: Array, off: Array) -> str | None:
+def _exchanged_rows(ids: tuple[int, ...], image: Array, projected: Array, angle: Array, off: IntArray) -> str | None:
     if not len(off) >= 2 or len(ids) > _MOST_LINES:
         return None
     n, p = _unit(image), _unit(projected)

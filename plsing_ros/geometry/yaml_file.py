@@ -20,7 +20,7 @@ class _Loader(yaml.SafeLoader):
     """Takes 1e-06 for a number, as ROS and YAML 1.2 do; YAML 1.1 wants 1.0e-06."""
 
 
-_Loader.add_implicit_resolver(
+_Loader.add_implicit_resolver(  # type: ignore[no-untyped-call]
     "tag:yaml.org,2002:float", re.compile(r"^[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
 )
 

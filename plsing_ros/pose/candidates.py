@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, cross
+from plsing_ros.arrays import Array, IntArray, cross
 from plsing_ros.errors import ParameterError
 from plsing_ros.geometry import LineSet
 from plsing_ros.pose.minimal_solver import TripletDirections, rotations_from_triplets, translations
@@ -38,7 +38,7 @@ class SceneTriplets:
         self.center: Array = lines.point.mean(axis=0)
         self._point: Array = lines.point - self.center
         self._prepared = TripletDirections.of(lines.direction, chosen_triplets(lines.direction, most))
-        self._solve: Callable[[Array], tuple[Array, Array]] = self._rotations
+        self._solve: Callable[[Array], tuple[Array, IntArray]] = self._rotations
         if backend == "poselib":
             self._p3ll = _poselib_solver()
             self._solve = self._poselib_rotations
@@ -67,11 +67,11 @@ class SceneTriplets:
             t = np.concatenate(list(of_triplets))
         return rotation, t - rotation @ self.center
 
-    def _rotations(self, normals: Array) -> tuple[Array, Array]:
+    def _rotations(self, normals: Array) -> tuple[Array, IntArray]:
         found = rotations_from_triplets(normals, self._prepared)
         return found.rotation, found.triplet
 
-    def _poselib_rotations(self, normals: Array) -> tuple[Array, Array]:
+    def _poselib_rotations(self, normals: Array) -> tuple[Array, IntArray]:
         rotation, triplet = [], []
         for i, rows in enumerate(self.rows):
             for pose in self._p3ll(normals[rows], self._point[rows], self.lines.direction[rows]):
