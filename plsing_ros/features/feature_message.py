@@ -29,6 +29,13 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
     n = len(message.ids)
     if n == 0:
         raise ObservationError("the feature message has no lines")
+    # Recordings made before lines had covariances are read, too.
+    covariances = getattr(message, "covariances", ())
+    if len(covariances) not in (0, 3 * n):
+        raise ObservationError(
+            f"field 'covariances' of the feature message has {len(covariances)} numbers for {n} lines; "
+            f"expected 0 or {3 * n}"
+        )
     for name, allowed in (
         ("image_lines", (3 * n,)),
         ("directions", (0, 3 * n)),
@@ -48,6 +55,7 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
         _rows(message.moments),
         visible,
         frame,
+        _rows(covariances),
     )
     if message.lines_verdict == LinesVerdict.GIVEN:
         return observation
@@ -58,7 +66,8 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
             f"field 'lines_verdict' of the feature message is {message.lines_verdict}; allowed: 0 to "
             f"{max(LinesVerdict)}"
         ) from None
-    return dataclasses.replace(observation, verdict=verdict, verdict_reason=message.lines_reason)
+    source = getattr(message, "lines_source", "")
+    return dataclasses.replace(observation, verdict=verdict, verdict_reason=message.lines_reason, lines_source=source)
 
 
 def _rows(values: Any) -> Array | None:

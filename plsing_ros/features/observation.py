@@ -45,12 +45,17 @@ class LineObservation:
             lines only, or if no row is usable.
         verdict: How far lines_camera can be trusted.
         verdict_reason: Why, in words; empty if GIVEN or OK.
+        lines_source: What lines_camera were computed from, "image" or "filter" (see PoseEstimate); empty if GIVEN.
+        covariances: Of each image line's angle phi and offset l'_z, with (l'_x, l'_y) = (cos phi, sin phi): (phi phi,
+            phi offset, offset offset) [rad^2, rad, -], shape (n, 3); rows that are not usable hold anything finite;
+            None if not known.
         usable_ids: Ids of the usable rows, in order.
         usable_image_lines: Their image lines, shape (k, 3).
+        usable_covariances: Their covariances, shape (k, 3), or None.
 
     Raises:
         ObservationError: If a value is not finite, lengths differ, ids repeat, a usable image line is not normalised,
-            or the 3-D lines do not have the ids of the usable rows.
+            a usable covariance is not positive definite, or the 3-D lines do not have the ids of the usable rows.
     """
 
     ids: tuple[int, ...]
@@ -59,8 +64,11 @@ class LineObservation:
     lines_camera: LineSet | None = None
     verdict: LinesVerdict = LinesVerdict.GIVEN
     verdict_reason: str = ""
+    lines_source: str = ""
+    covariances: Array | None = None
     usable_ids: tuple[int, ...] = field(init=False, repr=False)
     usable_image_lines: Array = field(init=False, repr=False)
+    usable_covariances: Array | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         n = len(self.ids)
@@ -85,6 +93,7 @@ class LineObservation:
             seen.setflags(write=False)
         object.__setattr__(self, "usable_ids", used)
         object.__setattr__(self, "usable_image_lines", seen)
+        object.__setattr__(self, "usable_covariances", self._checked_covariances())
         if self.lines_camera is not None and self.lines_camera.ids != self.usable_ids:
             raise ObservationError(f"3-D lines have ids {self.lines_camera.ids}, expected {self.usable_ids}")
 
@@ -97,13 +106,16 @@ class LineObservation:
         return "\n".join([f"{len(self.ids)} image lines, {len(self.usable_ids)} usable, {lines}", *rows])
 
     @classmethod
-    def from_image_lines(cls, ids: Sequence[int], image_lines: npt.ArrayLike) -> LineObservation:
+    def from_image_lines(
+        cls, ids: Sequence[int], image_lines: npt.ArrayLike, covariances: npt.ArrayLike | None = None
+    ) -> LineObservation:
         """Return what a tracker without depth sees: image lines alone, all of them usable.
 
         Args:
             ids: One distinct integer for each line.
             image_lines: Rows l' with l'_x X + l'_y Y + l'_z = 0 on the image plane z = 1, shape (n, 3): of unit length
                 as normals, or with l'_x^2 + l'_y^2 = 1. The sign is that of the line's direction.
+            covariances: Of angle and offset of each line, as for the class, shape (n, 3); None if not known.
 
         Raises:
             ObservationError: If a value is not finite, lengths differ, ids repeat, or a row has no direction.
@@ -115,7 +127,25 @@ class LineObservation:
             raise ObservationError(
                 f"image line {ids[row]} is {rows[row].tolist()}; with l'_x = l'_y = 0 it is no line in the image"
             )
-        return cls(tuple(ids), rows / length[:, np.newaxis])
+        known = None if covariances is None else np.asarray(covariances)
+        return cls(tuple(ids), rows / length[:, np.newaxis], covariances=known)
+
+    def _checked_covariances(self) -> Array | None:
+        """Lock the covariances and return those of the usable rows."""
+        if self.covariances is None:
+            return None
+        n = len(self.ids)
+        covariances = checked_array("covariances", self.covariances, (n, 3), ObservationError)
+        object.__setattr__(self, "covariances", covariances)
+        rows = covariances if len(self.usable_ids) == n else covariances[self.usable]
+        for line, (first, mixed, second) in zip(self.usable_ids, rows.tolist(), strict=True):
+            if not (first > 0.0 and second > 0.0 and mixed * mixed < first * second):
+                raise ObservationError(
+                    f"the covariance of image line {line} is {[first, mixed, second]} (angle, both, offset); variances "
+                    "must be positive, and the square of their covariance smaller than their product"
+                )
+        rows.setflags(write=False)
+        return rows
 
     @classmethod
     def of_lines(cls, lines_camera: LineSet) -> LineObservation:
@@ -139,6 +169,7 @@ class LineObservation:
         moments: Array | None,
         visible: BoolArray,
         frame: str,
+        covariances: Array | None = None,
     ) -> LineObservation:
         """Build an observation from rows as a message has them, 3-D rows of unusable lines included.
 
@@ -149,13 +180,14 @@ class LineObservation:
             moments: Moments in the camera frame [m], shape (n, 3), or None.
             visible: Which rows may be used, shape (n,).
             frame: Name of the camera's optical frame.
+            covariances: Of image lines, as for the class, shape (n, 3), or None.
 
         Raises:
             ObservationError: As for the class, and if a 3-D line is not one.
         """
         count = np.count_nonzero(visible)
         if directions is None or moments is None or count == 0:
-            return cls(ids, image_lines, visible, None)
+            return cls(ids, image_lines, visible, None, covariances=covariances)
         try:
             if count == len(visible):
                 seen = LineSet(directions, moments, frame, ids)
@@ -167,12 +199,12 @@ class LineObservation:
                 seen_ids = tuple(i for i, use in zip(ids, visible, strict=True) if use)
                 seen = LineSet(directions[visible], moments[visible], frame, seen_ids)
             if have_images(seen):
-                return cls(ids, image_lines, visible, seen)
+                return cls(ids, image_lines, visible, seen, covariances=covariances)
             # A camera centre on a line: the publisher may not have noticed.
             usable, degenerate = np.array(visible), degenerate_projections(seen)
             usable[np.flatnonzero(visible)[degenerate]] = False
             kept = np.flatnonzero(~degenerate)
-            return cls(ids, image_lines, usable, seen.select(kept) if len(kept) else None)
+            return cls(ids, image_lines, usable, seen.select(kept) if len(kept) else None, covariances=covariances)
         except ObservationError:
             raise
         except PlsingError as error:

@@ -83,11 +83,13 @@ def fill_features(message: LineFeatureArray, observation: LineObservation) -> No
         moments[observation.usable] = lines.moment
     message.ids = array.array("i", observation.ids)
     message.image_lines = flat(observation.image_lines)
+    message.covariances = flat(np.zeros(0) if observation.covariances is None else observation.covariances)
     message.directions = flat(directions)
     message.moments = flat(moments)
     message.visible = array.array("B", observation.usable.tobytes())
     message.lines_verdict = int(observation.verdict)
     message.lines_reason = observation.verdict_reason
+    message.lines_source = observation.lines_source
 
 
 def twist_message(twist: Array) -> Twist:
@@ -103,18 +105,18 @@ def fill_twist(message: Twist, twist: Array) -> None:
     linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = twist.tolist()
 
 
-def twist_from_message(message: TwistStamped, frame: str) -> Array:
-    """Return (v, omega), shape (6,).
+def twist_from_message(message: TwistStamped, frame: str, topic: str = "cmd_twist") -> Array:
+    """Return (v, omega), shape (6,), of a message on a topic.
 
     Raises:
         GeometryError: If a value is not finite or beyond 1e50, or the twist is in another frame.
     """
     if message.header.frame_id != frame:
         raise GeometryError(
-            f"cmd_twist is in frame '{message.header.frame_id}', expected '{frame}' (parameter camera_frame)"
+            f"{topic} is in frame '{message.header.frame_id}', expected '{frame}' (parameter camera_frame)"
         )
     linear, angular = message.twist.linear, message.twist.angular
-    return checked_twist("cmd_twist", [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
+    return checked_twist(topic, [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
 
 
 def point_message(point: Array) -> Point:

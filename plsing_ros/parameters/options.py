@@ -10,6 +10,7 @@ import numpy as np
 from plsing_ros.errors import ParameterError
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters.parameter_set import ParameterSet
+from plsing_ros.parameters.scene import scene_values
 
 _P = TypeVar("_P", bound=ParameterSet)
 
@@ -28,12 +29,7 @@ def parameters_from_options(kind: type[_P], options: Mapping[str, Any], lines: L
     """
     values = _flatten("", options)
     if lines is not None:
-        values |= {
-            "lines.points": lines.point.ravel().tolist(),
-            "lines.directions": lines.direction.ravel().tolist(),
-            "lines.ids": list(lines.ids),
-            "scene_frame": lines.frame,
-        }
+        values |= {**scene_values(lines), "scene_frame": lines.frame}
     try:
         return kind.from_values(values)
     except ParameterError as error:

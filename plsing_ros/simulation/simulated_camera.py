@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from plsing_ros.arrays import Array
-from plsing_ros.features import LineObservation, degenerate_projections
+from plsing_ros.features import LineObservation, degenerate_projections, image_depth
 from plsing_ros.geometry import LineSet, Pose
 
 
@@ -50,9 +52,10 @@ class SimulatedCamera:
         if self.noise == 0.0:
             return LineObservation.of_lines(lines)
         noisy = noisy_lines(lines, self.noise, self._generator)
-        if self.noise_on == "both":
-            return LineObservation.of_lines(noisy)
-        return _mixed(lines, noisy) if self.noise_on == "lines" else _mixed(noisy, lines)
+        if self.noise_on == "lines":
+            return _mixed(lines, noisy)
+        seen = LineObservation.of_lines(noisy) if self.noise_on == "both" else _mixed(noisy, lines)
+        return dataclasses.replace(seen, covariances=image_covariances(lines, self.noise))
 
     def move(self, twist: Array, duration: float) -> None:
         """Move with a constant twist (v, omega) in the optical frame, shape (6,) [m/s, rad/s], for duration [s].
@@ -74,6 +77,33 @@ def noisy_lines(lines: LineSet, noise: float, generator: np.random.Generator) ->
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     moment -= np.einsum("ij,ij->i", moment, direction)[:, np.newaxis] * direction
     return LineSet(direction, moment, lines.frame, lines.ids)
+
+
+def image_covariances(lines_camera: LineSet, noise: float) -> Array:
+    """Return the covariance of angle and offset of each image line that the noise of noisy_lines makes.
+
+    Args:
+        lines_camera: n lines in the camera's optical frame.
+        noise: Standard deviation, above 0.
+
+    Returns:
+        (angle angle, angle offset, offset offset) of each line, shape (n, 3); the identity where there is no image.
+
+    Source: first-order propagation, docs/pose.md.
+    """
+    seen = ~degenerate_projections(lines_camera)
+    depth = np.where(seen, image_depth(lines_camera), 1.0)
+    p, v = lines_camera.moment / depth[:, np.newaxis], lines_camera.direction / depth[:, np.newaxis]
+    along, q = p[:, 0] * v[:, 1] - p[:, 1] * v[:, 0], np.sqrt(1.0 + p[:, 2] ** 2)
+    factors = noise * np.stack(
+        [
+            q[:, np.newaxis] * np.stack([v[:, 2], -along], axis=1),
+            (depth * q)[:, np.newaxis] * np.stack([along, q**2 * v[:, 2]], axis=1),
+        ]
+    )
+    covariance = np.einsum("kni,knj->nij", factors, factors)
+    rows = np.stack([covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]], axis=1)
+    return np.where(seen[:, np.newaxis], rows, np.array([1.0, 0.0, 1.0]))
 
 
 def _mixed(of_image: LineSet, in_space: LineSet) -> LineObservation:

@@ -26,6 +26,15 @@ def test_rows_of_other_lengths_are_refused(given, message, seen):
         LineObservation.from_rows((1, 2), frame="camera", **arrays)
 
 
+@pytest.mark.parametrize("covariance", [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, -1.0]])
+def test_a_covariance_that_is_none_is_refused_where_the_line_is_used(covariance):
+    rows, covariances = np.array([[0.0, 1.0, 0.0]] * 2), np.array([[1e-6, 1e-7, 1e-6], covariance])
+    with pytest.raises(ObservationError, match="the covariance of image line 7 is"):
+        LineObservation((3, 7), rows, covariances=covariances)
+    seen = LineObservation((3, 7), rows, [True, False], covariances=covariances)
+    np.testing.assert_array_equal(seen.usable_covariances, covariances[:1])
+
+
 class CountedId(int):
     """An id that counts how often ids are compared."""
 
