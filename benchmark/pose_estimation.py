@@ -33,7 +33,7 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import EstimationParameters
 from plsing_ros.pose import PoseEstimator, Verdict
 from plsing_ros.pose.refinement import refine
-from plsing_ros.pose.residuals import ImageResiduals, LineNoise, residual_settings
+from plsing_ros.pose.residuals import ImageResiduals, LineNoise, known_lines, residual_settings
 from plsing_ros.simulation.simulated_camera import noisy_lines
 
 SAMPLES, SEEDS = 101, 1
@@ -225,9 +225,7 @@ def _cvxpnpl(cvxpnpl: ModuleType, refined: bool) -> Candidate:
             return None, False
         rotation = np.array([each[0] for each in poses])
         translation = np.array([each[1].ravel() for each in poses])
-        image = ImageResiduals(
-            np.hstack([known.direction, known.moment]), seen.image_lines, residual_settings(LineNoise(0.0, noise))
-        )
+        image = ImageResiduals(known_lines(known), seen.image_lines, residual_settings(LineNoise(0.0, noise)))
         if refined:
             better = refine(image, rotation, translation, 40)
             rotation, translation = better.rotation, better.translation

@@ -37,6 +37,34 @@ void fill_normal_equations(const Residuals &residuals, const Weights &weight, Ma
     }
 }
 
+Eigen::Matrix2d matrix_of(const Eigen::RowVector3d &covariance)
+{
+    Eigen::Matrix2d matrix;
+    matrix << covariance(0), covariance(1), covariance(1), covariance(2);
+    return matrix;
+}
+
+// The covariance of angle and offset by the errors of the line in the world, in closed form: docs/pose.md.
+Eigen::Matrix2d by_map(const Residual &line, double scale, const Vector3d &u, const Eigen::Matrix<double, 1, 11> &known,
+                       const Pose &T_camera_world)
+{
+    const double position = known(9) * known(9), direction = known(10) * known(10);
+    if (position == 0.0 && direction == 0.0)
+        return Eigen::Matrix2d::Zero();
+    const Vector3d p = line.image;
+    const Vector3d pivot =
+        T_camera_world.rotation * known.segment<3>(6).transpose() + T_camera_world.translation;
+    // Rows: the derivatives of angle and offset by the moment. They are normal to it.
+    Eigen::Matrix<double, 2, 3> slope, turned;
+    slope << -p.y(), p.x(), 0.0, -p.z() * p.x(), -p.z() * p.y(), 1.0;
+    slope *= scale;
+    const Eigen::Vector2d along = slope * u;
+    for (int i = 0; i < 2; i++)
+        turned.row(i) = Vector3d(slope.row(i)).cross(pivot);
+    return position * (slope * slope.transpose() - along * along.transpose()) +
+           direction * turned * turned.transpose();
+}
+
 }  // namespace
 
 Eigen::Matrix<double, 2, 6> Residual::jacobian() const
@@ -48,9 +76,9 @@ Eigen::Matrix<double, 2, 6> Residual::jacobian() const
     return rows;
 }
 
-Image::Image(const View<Dynamic, 6> &lines, const Vectors &image_lines, const View<4> &settings)
-    : lines_(lines), image_lines_(image_lines), image_(settings(0) * settings(0)), scene_(settings(1) * settings(1)),
-      camera_(settings(2) * settings(2)), min_cosine_(settings(3))
+Image::Image(const KnownLines &lines, const SeenLines &image_lines, const View<3> &settings)
+    : lines_(lines), image_lines_(image_lines), scene_(settings(0) * settings(0)),
+      camera_(settings(1) * settings(1)), min_cosine_(settings(2))
 {
     require(lines.rows() > 0 && lines.rows() == image_lines.rows(), "there must be an image line for each line");
 }
@@ -60,9 +88,11 @@ void Image::fill(const Pose &T_camera_world, Residuals &residuals) const
     residuals.resize(size());
     for (Index i = 0; i < size(); i++) {
         Residual &line = residuals[i];
-        const Vector3d observed = image_lines_.row(i);
-        const Vector3d u = T_camera_world.rotation * lines_.row(i).head<3>().transpose();
-        const Vector3d l = T_camera_world.rotation * lines_.row(i).tail<3>().transpose() +
+        const auto known = lines_.row(i);
+        const auto seen = image_lines_.row(i);
+        const Vector3d observed = seen.head<3>();
+        const Vector3d u = T_camera_world.rotation * known.head<3>().transpose();
+        const Vector3d l = T_camera_world.rotation * known.segment<3>(3).transpose() +
                            T_camera_world.translation.cross(u);
         const double depth = std::max(std::hypot(l.x(), l.y()), min_depth);
         const double agreement = observed.x() * l.x() + observed.y() * l.y();
@@ -83,8 +113,8 @@ void Image::fill(const Pose &T_camera_world, Residuals &residuals) const
         const Eigen::Vector2d moment(line.along_z, -line.along), camera(line.along, squared * line.along_z);
         const Eigen::Vector2d scene(line.along - line.along_z * t_along, camera.y() + line.along * t_along);
         const Eigen::Matrix2d covariance =
-            image_ * Eigen::Matrix2d::Identity() + by_moment * moment * moment.transpose() +
-            scene_ * turn * scene * scene.transpose() + camera_ * turn * camera * camera.transpose();
+            matrix_of(seen.tail<3>()) + by_map(line, scale, u, known, T_camera_world) +
+            by_moment * moment * moment.transpose() + scene_ * turn * scene * scene.transpose() + camera_ * turn * camera * camera.transpose();
         const double a = covariance(0, 0), b = covariance(1, 0), d = covariance(1, 1);
         const double rest = std::max(d - b * b / a, 1e-15 * d), root = 1.0 / std::sqrt(rest);
         line.whitening << 1.0 / std::sqrt(a), 0.0, -b / a * root, root;

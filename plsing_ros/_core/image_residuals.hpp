@@ -23,17 +23,23 @@ struct Residual {
 };
 using Residuals = std::vector<Residual>;
 
+// Lines in the world: direction, moment, and how well they are known: the pivot of their errors, its standard deviation
+// across the line, and that of the direction.
+using KnownLines = View<Dynamic, 11>;
+// Image lines l', and the covariance of angle and offset of each: angle angle, angle offset, offset offset.
+using SeenLines = View<Dynamic, 6>;
+
 // An image of known lines, with its noise: compiled.pyi says what the settings are.
 class Image {
 public:
-    Image(const View<Dynamic, 6> &lines, const Vectors &image_lines, const View<4> &settings);
+    Image(const KnownLines &lines, const SeenLines &image_lines, const View<3> &settings);
     Index size() const { return lines_.rows(); }
     void fill(const Pose &T_camera_world, Residuals &residuals) const;
 
 private:
-    View<Dynamic, 6> lines_;
-    Vectors image_lines_;
-    double image_, scene_, camera_, min_cosine_;  // the first three are variances
+    KnownLines lines_;
+    SeenLines image_lines_;
+    double scene_, camera_, min_cosine_;  // the first two are variances
 };
 
 using Weights = Eigen::Ref<const Eigen::VectorXd>;

@@ -112,7 +112,7 @@ void refine_all(const Image &image, const View<2> &costs, std::vector<Candidate>
     }
 }
 
-py::list search_poses(const View<Dynamic, 6> &lines, const Vectors &image_lines, const View<4> &settings,
+py::list search_poses(const KnownLines &lines, const SeenLines &image_lines, const View<3> &settings,
                       const Rotations &rotation, const Vectors &translation, const View<2> &costs)
 {
     require_poses(rotation, translation);
@@ -145,7 +145,7 @@ py::array_t<Index> cheapest_different(const Rotations &rotation, const Values &c
     return py::array_t<Index>(static_cast<Index>(chosen.size()), chosen.data());
 }
 
-py::tuple refine_poses(const View<Dynamic, 6> &lines, const Vectors &image_lines, const View<4> &settings,
+py::tuple refine_poses(const KnownLines &lines, const SeenLines &image_lines, const View<3> &settings,
                        const View<Dynamic, Dynamic> &weight, const Rotations &rotation, const Vectors &translation,
                        long iterations)
 {
@@ -168,8 +168,8 @@ py::tuple refine_poses(const View<Dynamic, 6> &lines, const Vectors &image_lines
 // Numbers that image_residuals says of a line.
 constexpr Index columns = 7;
 
-py::array_t<double> image_residuals(const View<Dynamic, 6> &lines, const Vectors &image_lines,
-                                    const View<4> &settings, const Rotations &rotation, const Vectors &translation)
+py::array_t<double> image_residuals(const KnownLines &lines, const SeenLines &image_lines,
+                                    const View<3> &settings, const Rotations &rotation, const Vectors &translation)
 {
     require_poses(rotation, translation);
     const Image image(lines, image_lines, settings);
@@ -186,7 +186,7 @@ py::array_t<double> image_residuals(const View<Dynamic, 6> &lines, const Vectors
     return table;
 }
 
-py::tuple image_jacobians(const View<Dynamic, 6> &lines, const Vectors &image_lines, const View<4> &settings,
+py::tuple image_jacobians(const KnownLines &lines, const SeenLines &image_lines, const View<3> &settings,
                           const Rotations &rotation, const Vectors &translation)
 {
     require_poses(rotation, translation);
@@ -235,7 +235,7 @@ double nonlinearity(const Image &image, const Pose &pose, const Residuals &here,
     return worst;
 }
 
-py::object pose_uncertainty(const View<Dynamic, 6> &lines, const Vectors &image_lines, const View<4> &settings,
+py::object pose_uncertainty(const KnownLines &lines, const SeenLines &image_lines, const View<3> &settings,
                             const View<3, 3> &rotation, const View<3> &translation, const Values &weight)
 {
     const Image image(lines, image_lines, settings);

@@ -10,6 +10,7 @@ import numpy as np
 
 from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray
+from plsing_ros.geometry import LineSet
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,14 @@ def residual_settings(noise: LineNoise, max_angle: float = math.pi / 2) -> Array
         max_angle: Half of the field of view [rad], up to pi/2.
     """
     return np.array([noise.image, noise.scene, noise.camera, math.cos(max_angle)])
+
+
+def known_lines(lines: LineSet) -> Array:
+    """Return what residuals need of lines in the world, shape (n, 11).
+
+    Direction, moment, and how well the line is known: pivot, position_std, direction_std.
+    """
+    return np.column_stack([lines.direction, lines.moment, lines.pivot, lines.position_std, lines.direction_std])
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,17 +108,21 @@ class ImageResiduals:
     """The residuals of one image as a function of the pose.
 
     Args:
-        lines: Unit directions and moments [m] of the lines in the world, shape (n, 6).
+        lines: Of known_lines, shape (n, 11).
         image_lines: Observed l', shape (n, 3).
         settings: Of residual_settings.
+        covariances: Of each image line, as in LineObservation, shape (n, 3); None: as the settings say.
 
     Attributes:
         known: All of these, as the native core asks for them.
     """
 
-    def __init__(self, lines: Array, image_lines: Array, settings: Array) -> None:
+    def __init__(self, lines: Array, image_lines: Array, settings: Array, covariances: Array | None = None) -> None:
         self.count = len(lines)
-        self.known: tuple[Array, Array, Array] = (lines, image_lines, settings)
+        seen = np.empty((len(lines), 6))
+        seen[:, :3] = image_lines
+        seen[:, 3:] = (settings[0] ** 2, 0.0, settings[0] ** 2) if covariances is None else covariances
+        self.known: tuple[Array, Array, Array] = (lines, seen, settings[1:])
 
     def at(self, rotation: Array, translation: Array) -> Residuals:
         """Return the residuals of poses T_camera_world.

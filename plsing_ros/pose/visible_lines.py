@@ -10,6 +10,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet
 from plsing_ros.parameters.pose_estimator import EstimationParameters
 from plsing_ros.pose.candidates import SceneTriplets
+from plsing_ros.pose.residuals import known_lines
 from plsing_ros.singularities import SingularSet, singular_set
 
 # Poses further from the lines than this, in sizes of the scene, are no poses.
@@ -27,7 +28,7 @@ class VisibleLines:
 
     Attributes:
         lines: The lines.
-        coordinates: Their unit directions and moments, [-, m], shape (n, 6).
+        known: What residuals need of them, see known_lines, shape (n, 11).
         triplets: The few that are tried first.
 
     Raises:
@@ -37,7 +38,7 @@ class VisibleLines:
     def __init__(self, lines: LineSet, settings: EstimationParameters) -> None:
         self.lines = lines
         self._settings = settings
-        self.coordinates: Array = np.hstack([lines.direction, lines.moment])
+        self.known: Array = known_lines(lines)
         self.triplets = SceneTriplets(lines, min(_FEW, settings.max_triplets), settings.backend)
         offset = lines.point - self.triplets.center
         self._furthest = _FURTHEST * max(1.0, float(np.abs(offset).max()))

@@ -11,13 +11,15 @@ from strategies import twists
 from plsing_ros import _core
 from plsing_ros.features import interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.pose.residuals import known_lines
 
 IMAGE, SCENE, ALL = (1e-3, 0.0, 0.0), (0.0, 1e-4, 0.0), (2e-3, 1e-3, 3e-3)
 COSTS = np.array([20.0, 12.0])
 
 
 def known(lines, image, noise=IMAGE, least_cosine=0.0):
-    return np.hstack([lines.direction, lines.moment]), image, np.array([*noise, least_cosine])
+    covariances = np.tile([noise[0] ** 2, 0.0, noise[0] ** 2], (len(lines), 1))
+    return known_lines(lines), np.hstack([image, covariances]), np.array([*noise[1:], least_cosine])
 
 
 def arrays(*poses):
@@ -88,6 +90,43 @@ def test_residuals_are_differences_of_projections_and_jacobians_their_derivative
     expected = (table[1, :2] - table[2, :2]) / (2.0 * step)
     np.testing.assert_allclose(raw[0] @ twist, expected, atol=1e-4 * (1.0 + np.abs(expected).max()))
     np.testing.assert_allclose(whitened, raw * 1e3)
+
+
+def map_covariances(lines, pose):
+    """What the tolerances of the lines make of angle and offset, by central differences, shape (n, 2, 2)."""
+    total = np.zeros((len(lines), 2, 2))
+    for i, u in enumerate(lines.direction):
+        for across in np.linalg.svd(u[np.newaxis])[2][1:]:
+            for shift, turn in ((lines.position_std[i] * across, 0.0 * u), (0.0 * u, lines.direction_std[i] * across)):
+                ends = []
+                for sign in (-1e-3, 1e-3):
+                    moved = LineSet.from_points_directions([lines.pivot[i] + sign * shift], [u + sign * turn])
+                    ends.append(image_of(moved, pose).image_lines[0])
+                sine = ends[0][0] * ends[1][1] - ends[0][1] * ends[1][0]
+                change = np.array([np.arcsin(sine), ends[1][2] - ends[0][2]]) / 2e-3
+                total[i] += np.outer(change, change)
+    return total
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_whitened_has_the_covariance_of_image_and_map(seed):
+    generator = np.random.default_rng(seed)
+    lines, pose = random_view(generator, 5)
+    lines = LineSet.from_points_directions(
+        lines.point + lines.direction * generator.normal(size=(5, 1)),
+        lines.direction,
+        position_std=generator.uniform(0.0, 0.02, size=5),
+        direction_std=generator.uniform(0.0, 0.02, size=5),
+    )
+    root = 1e-3 * generator.normal(size=(5, 2, 2))
+    own = root @ root.transpose(0, 2, 1) + 1e-8 * np.eye(2)
+    lines_known, image, options = known(lines, image_of(lines, pose).image_lines)
+    image[:, 3:] = np.stack([own[:, 0, 0], own[:, 0, 1], own[:, 1, 1]], axis=1)
+    raw, whitened = (each[0] for each in _core.image_jacobians(lines_known, image, options, *arrays(pose)))
+    inverse = np.linalg.inv(own + map_covariances(lines, pose))
+    normal = np.einsum("ina,nij,jnb->nab", raw, inverse, raw)
+    size = np.abs(normal).max(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(np.einsum("ina,inb->nab", whitened, whitened) / size, normal / size, atol=1e-4)
 
 
 @pytest.mark.parametrize("noise", [IMAGE, SCENE, ALL], ids=["image", "scene", "all"])

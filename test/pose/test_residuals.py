@@ -6,13 +6,13 @@ from strategies import twists
 
 from plsing_ros.features import interaction_matrix
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.pose.residuals import ImageResiduals, LineNoise, residual_settings
+from plsing_ros.pose.residuals import ImageResiduals, LineNoise, known_lines, residual_settings
 
 NOISES = [LineNoise(1e-3), LineNoise(0.0, 1e-3), LineNoise(2e-3, 1e-3, 3e-3)]
 
 
 def image_residuals(lines, image, noise, *angle):
-    return ImageResiduals(np.hstack([lines.direction, lines.moment]), image, residual_settings(noise, *angle))
+    return ImageResiduals(known_lines(lines), image, residual_settings(noise, *angle))
 
 
 def residuals_of(lines, image, noise, *poses):
