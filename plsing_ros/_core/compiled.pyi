@@ -157,10 +157,11 @@ def translations(rotation: Array, normals: Array, points: Array) -> Array:
     """
 
 # image_residuals.cpp and pose_estimation.cpp: an image of n lines is given by
-#   lines: unit directions and moments [m] in the world, shape (n, 6), n >= 1;
-#   image_lines: observed l', shape (n, 3);
-#   settings: standard deviations of image lines and of Plücker coordinates in the world and in the camera frame, and
-#     the cosine of half of the field of view, shape (4,);
+#   lines: unit directions and moments [m] in the world, the pivot of their errors [m], its standard deviation across a
+#     line [m] and that of the direction [rad], shape (n, 11), n >= 1;
+#   image_lines: observed l', and its covariance (angle angle, angle offset, offset offset), shape (n, 6);
+#   settings: standard deviations of Plücker coordinates in the world and in the camera frame, and the cosine of half of
+#     the field of view, shape (3,);
 # and k poses T_camera_world by rotation (k, 3, 3) and translation (k, 3) [m].
 
 def image_residuals(lines: Array, image_lines: Array, settings: Array, rotation: Array, translation: Array) -> Array:
@@ -448,38 +449,101 @@ def motion_between(rotation: Array, translation: Array, to_rotation: Array, to_t
 def image_noise(image: GreyImage) -> float:
     """Return the standard deviation of an image's noise [grey levels]."""
 
-# proximity.cpp
+# pose_filter.cpp
 
-def proximity(
-    direction: Array,
-    pivot: Array,
-    position_std: Array,
-    direction_std: Array,
-    center: Array,
-    length: float,
-    image_std: float,
-) -> tuple[float, float, Array, float, float, float, Array] | None:
-    """Return how near a camera centre is to a singular one; None if something is not finite.
+class FilterMap:
+    """The lines of a scene in the world with their tolerances, as the filter needs them."""
 
-    Args:
-        direction: Unit directions of n lines, shape (n, 3).
-        pivot: The point of each that its errors are about, shape (n, 3) [m].
-        position_std: Shape (n,) [m].
-        direction_std: Shape (n,) [rad].
-        center: Shape (3,) [m].
-        length: That translations are divided by [m].
-        image_std: Standard deviation of the normals of the interpretation planes [rad].
+    count: int
+    exact: bool
 
-    Returns:
-        z (infinite without errors of the lines), distance [m], closest point (3,) [m], smallest over largest singular
-        value; standard deviations of position [m] and rotation [rad] along the least observable motion, and that motion
-        (v, omega) (6,), v in metres for a length of one in units of length.
+    def __init__(self, direction: Array, pivot: Array, position_std: Array, direction_std: Array) -> None:
+        """Take unit directions (n, 3), a point of each (n, 3) [m], and how well both are known, (n,) [m], [rad]."""
 
-    Source: singularities.proximity.
+class Innovation:
+    """What an image of k lines says about a state, and what an update made of it.
+
+    Attributes:
+        good: Whether the update was finite and converged; if not, the state is as it was.
+        squared: Squared Mahalanobis distance of the innovation of all used lines, where the update ended.
+        of_line: The same of each line alone, against the state before, shape (k,).
+        removal: By how much `squared` would fall without a line; 0 if it was not used; shape (k,).
+        reversed: 1 if a line is seen against its direction, shape (k,).
+        log_determinant: Of the covariance of the used lines' innovation.
+        iterations: Of the update.
     """
 
-def scene_conditions(direction: Array, point: Array, centers: Array) -> Array:
-    """Return the smallest over the largest singular value of the row-normalised xi at centres (k, 3), shape (k,).
+    good: bool
+    squared: float
+    of_line: Array
+    removal: Array
+    reversed: Array
+    log_determinant: float
+    iterations: int
 
-    Lengths are in the unit of the coordinates; accurate to about 1e-8, the root of the rounding.
+class FilterState:
+    """A pose T_world_camera, and the drift of the twist: by what it differs for a while from the one given.
+
+    Attributes:
+        rotation: Shape (3, 3).
+        position: Shape (3,) [m].
+        drift: In units of the drift given to predict, shape (6,).
+        covariance: Of position and orientation as in geometry_msgs/PoseWithCovariance, shape (6, 6).
     """
+
+    rotation: Array
+    position: Array
+    drift: Array
+    covariance: Array
+
+    def __init__(self, rotation: Array, position: Array, covariance: Array, map_lines: int) -> None:
+        """Begin with a pose; map_lines is the count of the map's lines, or 0 for a map without errors."""
+
+    def copy(self) -> FilterState:
+        """Return a state that is the same."""
+
+    def predict(self, twist: Array, noise: Array, drift: Array, duration: float, memory: float) -> None:
+        """Move on with a twist (v, omega) in the camera's frame, shape (6,).
+
+        Args:
+            twist: [m/s, rad/s].
+            noise: Standard deviation of this step's own error of the twist, shape (6,).
+            drift: Standard deviation of the lasting error, the unit of the state's drift, shape (6,).
+            duration: [s].
+            memory: What is left of the drift at the end, in [0, 1].
+        """
+
+    def inflate(self, pose: Array) -> None:
+        """Add to the covariance of the pose, shape (6, 6)."""
+
+    def scale_drift(self, factor: float) -> None:
+        """Go on with units of the drift that are so many times smaller."""
+
+    def disagreement(self, wary: FilterState, drift_units: float) -> float:
+        """Return how far this is from the state of a filter that assumes less, in squared standard deviations.
+
+        About 12 if what this one assumes is right.
+
+        Args:
+            wary: The other one.
+            drift_units: By how much its units of the drift are larger.
+
+        Source: the specification test of Hausman (1978).
+        """
+
+    def update(
+        self, map_lines: FilterMap, rows: list[int], image: Array, covariances: Array, used: list[bool], iterations: int
+    ) -> Innovation:
+        """Use an image.
+
+        Args:
+            map_lines: The scene.
+            rows: Of the k seen lines in it.
+            image: Their l', shape (k, 3).
+            covariances: As in LineObservation, shape (k, 3).
+            used: Which of them are used, of length k.
+            iterations: At most so many Gauss-Newton steps, each with the prior.
+
+        Source: the iterated extended Kalman filter (Bell, Cathey 1993) on SO(3) x R^3, with the map's errors considered
+        but not estimated (Schmidt 1966); docs/filter.md.
+        """

@@ -69,6 +69,8 @@ def pose_estimate_message(estimate: PoseEstimate, head: Header) -> PoseEstimateM
         least_observable_direction=twist_message(estimate.least_observable_direction),
         least_observable_standard_deviation=estimate.least_observable_standard_deviation,
         residual=estimate.residual,
+        innovation=estimate.innovation,
+        source=estimate.source,
         nearest=locus_distance_message(estimate.nearest, head.frame_id),
         alternatives=[pose_message(each.T_world_camera) for each in estimate.alternatives],
         likelihood_ratios=flat(np.array([each.likelihood_ratio for each in estimate.alternatives])),

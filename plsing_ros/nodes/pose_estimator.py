@@ -1,4 +1,4 @@
-"""Node pose_estimator: the camera pose from image lines, and how far it can be trusted."""
+"""Node pose_estimator: the camera pose from image lines and its motion, and how far it can be trusted."""
 
 from __future__ import annotations
 
@@ -6,12 +6,18 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 
 from plsing_msgs.msg import LineFeatureArray, PoseEstimate
 from plsing_ros.errors import PlsingError
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.conversions import features_message, header, nanoseconds, observation_from_message
+from plsing_ros.nodes.conversions import (
+    features_message,
+    header,
+    nanoseconds,
+    observation_from_message,
+    twist_from_message,
+)
 from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
@@ -25,6 +31,7 @@ _DIAGNOSTIC_LEVELS = {
     Verdict.POOR: DiagnosticStatus.WARN,
     Verdict.AMBIGUOUS: DiagnosticStatus.ERROR,
     Verdict.FAILED: DiagnosticStatus.ERROR,
+    Verdict.LOST: DiagnosticStatus.ERROR,
 }
 
 
@@ -42,6 +49,8 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
         self._completed = self.advertise(LineFeatureArray, "completed_line_features", qos.SENSOR_DATA)
         self._state = self.advertise(PoseEstimate, "~/state", qos.STATUS)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
+        # Before the features, so that of what has come together the motion is taken first.
+        self.subscribe(TwistStamped, self.parameters.twist_source, self._on_twist, qos.COMMAND_INPUT)
         self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         self.create_steady_timer(self.parameters.watchdog_period, self._on_watchdog)
         self.start()
@@ -62,6 +71,14 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
     def prepare(self, parameters: PoseEstimatorParameters) -> Callable[[], None]:
         """Use changed parameters from the next features on."""
         return self._tracking.prepare(parameters)
+
+    def _on_twist(self, message: TwistStamped) -> None:
+        try:
+            twist = twist_from_message(message, self.parameters.camera_frame, self.parameters.twist_source)
+        except PlsingError as error:
+            self.get_logger().warning(f"{self.parameters.twist_source} not used: {error}", throttle_duration_sec=1.0)
+        else:
+            self._tracking.receive_twist(twist, nanoseconds(message.header.stamp))
 
     def _on_features(self, message: LineFeatureArray) -> None:
         stamp = nanoseconds(message.header.stamp)
@@ -99,6 +116,8 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
             _DIAGNOSTIC_LEVELS[estimate.verdict],
             f"{estimate.verdict.name} {estimate.reason}".strip(),
             {
+                "source": estimate.source,
+                "innovation [standard deviations]": f"{estimate.innovation:.3g}",
                 "covariance": "trusted" if estimate.covariance_trusted else "not to be trusted",
                 "standard deviation of the position [m]": f"{estimate.position_deviation:.3g}",
                 "standard deviation of the orientation [rad]": f"{estimate.rotation_deviation:.3g}",
@@ -109,19 +128,18 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
 
 
 _EXAMPLES = """examples:
-  share=$(ros2 pkg prefix --share plsing_ros)
-  ros2 run plsing_ros pose_estimator --ros-args --params-file $share/config/paper_p4l.yaml
+  ros2 run plsing_ros pose_estimator --ros-args --params-file config/paper_p4l.yaml
   ros2 topic echo /pose_estimator/state --field verdict
 
 The whole chain without ground truth: the simulator shows image lines only, the others use the estimate.
-  ros2 run plsing_ros feature_simulator --ros-args --params-file $share/config/paper_p4l.yaml \\
+  ros2 run plsing_ros feature_simulator --ros-args --params-file config/paper_p4l.yaml \\
       -p image_only:=true -r camera_pose:=true_camera_pose
-  ros2 run plsing_ros controller --ros-args --params-file $share/config/paper_p4l.yaml \\
+  ros2 run plsing_ros controller --ros-args --params-file config/paper_p4l.yaml \\
       -r line_features:=completed_line_features
-  ros2 run plsing_ros singularity_monitor --ros-args --params-file $share/config/paper_p4l.yaml \\
+  ros2 run plsing_ros singularity_monitor --ros-args --params-file config/paper_p4l.yaml \\
       -r line_features:=completed_line_features
 
-All parameters with units and ranges: $share/config/pose_estimator.yaml"""
+All parameters with units and ranges: config/pose_estimator.yaml"""
 
 
 def main() -> int:

@@ -136,21 +136,54 @@ class EstimationParameters(ParameterSet):
 
 
 @dataclass(frozen=True)
-class PoseEstimatorParameters(EstimationParameters, AnswerParameters):
-    """The scene, how to estimate in it, and how the node treats time."""
+class FilterParameters(EstimationParameters):
+    """How camera poses are followed through images and twists; without the scene."""
 
-    last_pose_timeout: float = parameter(
-        1.0,
-        "last_pose_timeout",
-        "How long a pose that is OK or POOR is used as a start for the next ones",
+    noise_twist: float = parameter(
+        0.05,
+        "noise.twist",
+        "How wrong the twist is: standard deviation of each component of the linear velocity as a share of the speed, "
+        "and of each component of the angular velocity as a share of the rate of turn",
+        minimum=1e-6,
+        maximum=1.0,
+    )
+    noise_linear_velocity: float = parameter(
+        1e-4,
+        "noise.linear_velocity",
+        "What is added to that of the linear velocity, also at rest",
+        unit="m/s",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    noise_angular_velocity: float = parameter(
+        1e-4,
+        "noise.angular_velocity",
+        "What is added to that of the angular velocity, also at rest",
+        unit="rad/s",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    twist_latency: float = parameter(
+        0.0,
+        "twist_latency",
+        "How much later than its stamp a twist moves the camera",
         unit="s",
         minimum=0.0,
+        maximum=10.0,
+    )
+    twist_hold: float = parameter(
+        0.2,
+        "twist_hold",
+        "How long a twist holds if no other one follows; after that the motion is unknown",
+        unit="s",
+        minimum=0.001,
         maximum=60.0,
     )
     max_linear_speed: float = parameter(
         1.0,
         "motion.linear_speed",
-        "The camera moves no faster than this: poses that it cannot have reached since the last one are ruled out",
+        "The camera moves no faster than this: poses that it cannot have reached since the last one are ruled out, and "
+        "nothing more is known of it where no twist is given",
         unit="m/s",
         minimum=0.0,
         maximum=1e6,
@@ -162,6 +195,60 @@ class PoseEstimatorParameters(EstimationParameters, AnswerParameters):
         unit="rad/s",
         minimum=0.0,
         maximum=1e6,
+    )
+
+    max_dead_reckoning: float = parameter(
+        5.0,
+        "lost.dead_reckoning",
+        "LOST when no line was seen that agrees for so long",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
+    lost_position_deviation: float = parameter(
+        0.5,
+        "lost.position_deviation",
+        "LOST above this standard deviation of the position in its worst direction",
+        unit="m",
+        minimum=1e-6,
+        maximum=1e6,
+    )
+    lost_rotation_deviation: float = parameter(
+        0.5,
+        "lost.rotation_deviation",
+        "LOST above this standard deviation of the orientation about its worst axis",
+        unit="rad",
+        minimum=1e-6,
+        maximum=10.0,
+    )
+
+
+@dataclass(frozen=True)
+class PoseEstimatorParameters(FilterParameters, AnswerParameters):
+    """The scene, how to estimate in it, and how the node treats time."""
+
+    last_pose_timeout: float = parameter(
+        1.0,
+        "last_pose_timeout",
+        "How long a pose that is OK or POOR is used as a start for the next ones",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
+    filter: bool = parameter(
+        True,
+        "filter",
+        "Whether camera_pose and the completed features come from all images and the motion between them; if not, from "
+        "each image alone",
+        live=False,
+    )
+    twist_source: str = parameter(
+        "cmd_twist",
+        "twist_source",
+        "Topic that says how the camera moves, a TwistStamped in the optical frame: cmd_twist as commanded, odom_twist "
+        "as measured",
+        choices=("cmd_twist", "odom_twist"),
+        live=False,
     )
 
     def check(self) -> None:

@@ -2,6 +2,7 @@
 
 from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate
 from plsing_ros.pose.estimator import PoseEstimator
+from plsing_ros.pose.filter import PoseFilter
 from plsing_ros.pose.line_lifting import lift_lines
 from plsing_ros.pose.minimal_solver import solve_three_lines
 
@@ -9,6 +10,7 @@ __all__ = [
     "Alternative",
     "PoseEstimate",
     "PoseEstimator",
+    "PoseFilter",
     "Verdict",
     "failed_estimate",
     "lift_lines",

@@ -1,4 +1,4 @@
-"""What is known of a camera pose after one image of lines."""
+"""What is known of a camera pose from images of lines."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
 from plsing_ros.singularities import LocusDistance
 
+FROM_IMAGE, FROM_FILTER = "image", "filter"
+
 
 class Verdict(enum.IntEnum):
     """How far a pose can be trusted; the values are those of plsing_msgs/PoseEstimate."""
@@ -19,6 +21,7 @@ class Verdict(enum.IntEnum):
     POOR = 1
     AMBIGUOUS = 2
     FAILED = 3
+    LOST = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +44,7 @@ class PoseEstimate:
     Attributes:
         verdict: How far it can be trusted.
         reason: Why it is not OK, as a sentence; empty if it is.
-        T_world_camera: The pose; None if FAILED, and then all below is zero, empty or None.
+        T_world_camera: The pose; None if FAILED or LOST, and then all below is zero, empty or None.
         covariance: Of position and orientation as in geometry_msgs/PoseWithCovariance, shape (6, 6): x, y, z, and
             rotations about the world's fixed x, y, z axes [m^2, m rad, rad^2].
         covariance_trusted: Whether the covariance describes the error: false where the error is not linear in the
@@ -61,7 +64,10 @@ class PoseEstimate:
         used_ids: Lines that the pose rests on.
         outlier_ids: Lines left out because they do not agree.
         reversed_ids: Lines used that are seen against their direction.
-        first_estimate: T_world_camera before refinement, from three lines or the last pose.
+        first_estimate: T_world_camera before refinement, from three lines or the last pose; None from a filter.
+        innovation: Root mean square of what this image differs by from what was expected before it, over the lines
+            used, in standard deviations: about 1 if noise and motion are as stated; 0 where nothing was expected.
+        source: "image" for the pose of this image alone, "filter" for that of all images and the motion between them.
     """
 
     verdict: Verdict
@@ -82,6 +88,8 @@ class PoseEstimate:
     outlier_ids: tuple[int, ...]
     reversed_ids: tuple[int, ...]
     first_estimate: Pose | None
+    innovation: float = 0.0
+    source: str = FROM_IMAGE
 
     @property
     def pose(self) -> Pose | None:
@@ -98,10 +106,10 @@ class PoseEstimate:
         )
 
 
-def failed_estimate(reason: str) -> PoseEstimate:
-    """Return the estimate that says there is no pose, and why."""
+def failed_estimate(reason: str, verdict: Verdict = Verdict.FAILED, source: str = FROM_IMAGE) -> PoseEstimate:
+    """Return the estimate that says there is no pose, and why: FAILED or LOST."""
     return PoseEstimate(
-        verdict=Verdict.FAILED,
+        verdict=verdict,
         reason=reason,
         T_world_camera=None,
         covariance=np.zeros((6, 6)),
@@ -119,4 +127,5 @@ def failed_estimate(reason: str) -> PoseEstimate:
         outlier_ids=(),
         reversed_ids=(),
         first_estimate=None,
+        source=source,
     )

@@ -10,8 +10,8 @@ import numpy as np
 
 from plsing_ros import _core
 from plsing_ros.arrays import Array
-from plsing_ros.errors import ObservationError
-from plsing_ros.features import LineObservation
+from plsing_ros.errors import DegenerateProjectionError, GeometryError, ObservationError
+from plsing_ros.features import LineObservation, decompose_interaction
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.rotations import rotation_vector
 from plsing_ros.parameters.options import parameters_from_options
@@ -22,6 +22,7 @@ from plsing_ros.pose.hypotheses import Costs, Hypothesis, all_lines_hypotheses, 
 from plsing_ros.pose.residuals import ImageResiduals, LineNoise, residual_settings
 from plsing_ros.pose.verdict import grade
 from plsing_ros.pose.visible_lines import VisibleLines
+from plsing_ros.singularities import LocusDistance
 
 # Sets of lines seen together whose preparation is kept.
 _MAX_SCENES = 64
@@ -36,7 +37,7 @@ def estimate_pose(lines: LineSet, observation: LineObservation, **options: Any) 
 
     Args:
         lines: The scene, in the world frame.
-        observation: Image lines with ids; 3-D lines in it are not used.
+        observation: Image lines with ids; 3-D lines in it are not used. Without covariances they have noise.image.
         options: Every parameter of the estimator by its name (docs/reference), nested where it has dots:
             noise={"image": 1e-3}.
 
@@ -91,7 +92,7 @@ class PoseEstimator:
         if len(ids) < 3:
             return failed_estimate(f"{len(ids)} usable line(s) in the image; at least 3 are needed for a camera pose")
         scene, image_lines = self._scene(ids), observation.usable_image_lines
-        image = ImageResiduals(scene.coordinates, image_lines, self._residual_settings)
+        image = ImageResiduals(scene.known, image_lines, self._residual_settings, observation.usable_covariances)
         everywhere = self._hypotheses(scene, image, image_lines, last)
         if not everywhere:
             return failed_estimate("no pose was found: the lines or their images are degenerate")
@@ -105,6 +106,24 @@ class PoseEstimator:
         if spread is None:
             return failed_estimate("the image does not determine the pose: a motion of the camera moves no line")
         return self._described(scene, best, found, spread)
+
+    def surroundings(self, T_world_camera: Pose, ids: tuple[int, ...]) -> tuple[LocusDistance | None, float]:
+        """Return the locus nearest to a camera that sees lines, and the inverse condition number of its image.
+
+        Args:
+            T_world_camera: The camera.
+            ids: Of the lines; with fewer than three there is no locus, and the number is 0.
+        """
+        if len(ids) < 3:
+            return None, 0.0
+        scene = self._scene(ids)
+        try:
+            seen = scene.lines.transformed(T_world_camera.inverse(), "camera")
+            values = decompose_interaction(seen).singular_values
+            condition = float(values[-1] / values[0])
+        except (DegenerateProjectionError, GeometryError):
+            condition = 0.0
+        return scene.singular.nearest_locus(T_world_camera.translation), condition
 
     def _scene(self, ids: tuple[int, ...]) -> VisibleLines:
         if ids not in self._scenes:

@@ -21,7 +21,7 @@ def parameters(**changes):
         lines_points=tuple(SCENE.point.ravel()),
         lines_directions=tuple(SCENE.direction.ravel()),
         lines_ids=SCENE.ids,
-        **{"noise_image": 1e-4, **changes},
+        **{"noise_image": 1e-4, "lines_position_std": 0.0, "lines_direction_std": 0.0, **changes},
     )
 
 
@@ -96,24 +96,63 @@ def without_line(number, observation):
     return dataclasses.replace(observation, usable=np.array([i != number for i in observation.ids]))
 
 
-def test_what_three_lines_leave_open_the_motion_decides():
+@pytest.mark.parametrize("by_filter", [True, False])
+def test_what_three_lines_leave_open_the_motion_decides(by_filter):
     """Three lines have several poses; a camera that was seen a moment ago can be at one of them only."""
     three = without_line(4, seen_from(CALM))
-    at_once = PoseTracker(parameters()).track(three, SECOND, SECOND)
+    at_once = PoseTracker(parameters(filter=by_filter)).track(three, SECOND, SECOND)
     assert at_once.estimate.verdict is Verdict.AMBIGUOUS
-    tracking = PoseTracker(parameters())
+    tracking = PoseTracker(parameters(filter=by_filter))
     tracking.track(seen_from(CALM), SECOND, SECOND)
     soon = SECOND + SECOND // 25
     tracked = tracking.track(three, soon, soon)
     assert tracked.estimate.verdict is not Verdict.AMBIGUOUS
     assert tracked.estimate.alternatives == ()
-    assert tracked.estimate.T_world_camera.translation == pytest.approx(CALM.translation, abs=1e-8)
+    assert tracked.estimate.T_world_camera.translation == pytest.approx(CALM.translation, abs=1e-5)
+    assert tracked.completed.lines_source == tracked.estimate.source == ("filter" if by_filter else "image")
 
 
 def test_a_camera_that_has_jumped_is_not_held_at_its_last_place():
     far = Pose.look_at([-4.0, 3.0, 2.0], [0.0, 0.0, 3.0], down=[0.0, 0.0, -1.0])
-    tracking = PoseTracker(parameters())
+    tracking = PoseTracker(parameters(filter=False))
     tracking.track(seen_from(CALM), SECOND, SECOND)
     soon = SECOND + SECOND // 25
     tracked = tracking.track(seen_from(far), soon, soon)
     assert tracked.estimate.T_world_camera.translation == pytest.approx(far.translation, abs=1e-8)
+
+
+def test_the_filter_says_that_it_is_lost_and_finds_a_camera_that_has_jumped():
+    far = Pose.look_at([-4.0, 3.0, 2.0], [0.0, 0.0, 3.0], down=[0.0, 0.0, -1.0])
+    tracking, frame = PoseTracker(parameters()), SECOND // 25
+    for k in range(2):
+        tracking.track(seen_from(CALM), SECOND + k * frame, SECOND + k * frame)
+    verdicts = []
+    for k in range(2, 12):
+        tracked = tracking.track(seen_from(far), SECOND + k * frame, SECOND + k * frame)
+        verdicts.append(tracked.estimate.verdict)
+        assert (tracked.completed is None) == (tracked.estimate.verdict is Verdict.LOST)
+    assert verdicts[0] is Verdict.LOST and verdicts[-1] is Verdict.OK
+    assert tracked.estimate.T_world_camera.translation == pytest.approx(far.translation, abs=1e-4)
+
+
+def test_the_filter_follows_the_twists_it_is_told_of():
+    """Two frames of a camera that moves by a metre: far more than a filter that knows of no twist would expect."""
+    twist, frame = np.array([0.0, 0.0, 0.5, 0.0, 0.0, 0.1]), SECOND // 10
+    tracking = PoseTracker(parameters())
+    tracking.track(seen_from(CALM), SECOND, SECOND)
+    for k in range(1, 11):
+        tracking.receive_twist(twist, SECOND + (k - 1) * frame)
+        pose = CALM.integrate(twist, 0.1 * k)
+        tracked = tracking.track(seen_from(pose), SECOND + k * frame, SECOND + k * frame)
+        assert tracked.estimate.verdict is Verdict.OK and tracked.estimate.innovation < 1.0
+    assert tracked.estimate.T_world_camera.translation == pytest.approx(pose.translation, abs=1e-4)
+
+
+def test_changed_thresholds_keep_the_filter_where_it_is():
+    tracking, frame = PoseTracker(parameters()), SECOND // 25
+    for k in range(5):
+        tracking.track(seen_from(CALM), SECOND + k * frame, SECOND + k * frame)
+    tracking.parameters = dataclasses.replace(tracking.parameters, outlier_gate=6.0)
+    three = without_line(4, seen_from(CALM))
+    tracked = tracking.track(three, SECOND + 5 * frame, SECOND + 5 * frame)
+    assert tracked.estimate.source == "filter" and tracked.estimate.alternatives == ()

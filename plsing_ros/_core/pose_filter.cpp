@@ -1,0 +1,332 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pose_filter.hpp"
+
+#include <cmath>
+
+#include <pybind11/eigen.h>
+#include <pybind11/stl.h>
+
+namespace plsing {
+namespace {
+
+constexpr double smallest_depth = 1e-12;  // [m]
+constexpr double longest_turn = 0.5;      // of one step of an update [rad]
+constexpr double settled = 0.02;          // a step shorter than this, in standard deviations, ends an update
+
+// exp([v]x) and its left Jacobian.
+void exponential(const Vector3d &v, Matrix3d &turn, Matrix3d &jacobian)
+{
+    const double square = v.squaredNorm(), angle = std::sqrt(square);
+    double first = 1.0 - square / 6.0, second = 0.5 - square / 24.0, third = 1.0 / 6.0 - square / 120.0;
+    if (angle > 1e-4) {
+        const double half = std::sin(0.5 * angle);
+        first = std::sin(angle) / angle;
+        second = 2.0 * half * half / square;
+        third = (angle - std::sin(angle)) / (square * angle);
+    }
+    const Matrix3d s = skew(v), s2 = s * s;
+    turn = Matrix3d::Identity() + first * s + second * s2;
+    jacobian = Matrix3d::Identity() + second * s + third * s2;
+}
+
+Vector3d logarithm(const Matrix3d &rotation)
+{
+    const Eigen::AngleAxisd turn(rotation);
+    return turn.angle() * turn.axis();
+}
+
+// Of exp: d log(exp(d) exp(v)) / dd at d = 0.
+Matrix3d inverse_left_jacobian(const Vector3d &v)
+{
+    const double square = v.squaredNorm(), angle = std::sqrt(square);
+    double factor = 1.0 / 12.0 + square / 720.0;
+    if (angle > 1e-3)
+        factor = 1.0 / square - (1.0 + std::cos(angle)) / (2.0 * angle * std::sin(angle));
+    const Matrix3d s = skew(v);
+    return Matrix3d::Identity() - 0.5 * s + factor * s * s;
+}
+
+// Residual (angle, offset) of one image line, directed as it is seen, and its derivatives.
+struct SeenLine {
+    Eigen::Vector2d residual;               // what the pose makes of it minus what was seen
+    Eigen::Matrix<double, 2, 6> by_pose;    // by position and rotation, in the world
+    Eigen::Matrix<double, 2, 4> by_map;     // by the errors of the map's line, in standard deviations
+    bool reversed;
+};
+
+SeenLine seen_line(const FilterMap &map, Index row, const Matrix3d &rotation, const Vector3d &position,
+                   const Vector3d &seen)
+{
+    const Vector3d u = map.direction.row(row), arm = Vector3d(map.pivot.row(row)) - position;
+    const Vector3d moment = rotation.transpose() * arm.cross(u);
+    const double agreement = seen.x() * moment.x() + seen.y() * moment.y();
+    const double depth = std::max(std::hypot(moment.x(), moment.y()), smallest_depth);
+    const double scale = std::copysign(1.0 / depth, agreement);
+    const Vector3d p = scale * moment;
+    SeenLine line;
+    line.reversed = agreement < 0.0;
+    line.residual << std::atan2(seen.x() * p.y() - seen.y() * p.x(), agreement * scale), p.z() - seen.z();
+    // By the moment about the camera's centre, in the world's axes.
+    Eigen::Matrix<double, 2, 3> slope;
+    slope << -p.y(), p.x(), 0.0, -p.z() * p.x(), -p.z() * p.y(), 1.0;
+    slope = scale * slope * rotation.transpose();
+    // moment = (pivot - position) x u, and exp(error) before rotation turns the camera, the lines the other way.
+    line.by_pose.leftCols<3>() = slope * skew(u);
+    line.by_pose.rightCols<3>() = slope * skew(arm.cross(u));
+    const Vector3d a = map.first.row(row), b = map.second.row(row);
+    line.by_map.col(0) = map.position_std[row] * (slope * a.cross(u));
+    line.by_map.col(1) = map.position_std[row] * (slope * b.cross(u));
+    line.by_map.col(2) = map.direction_std[row] * (slope * arm.cross(a));
+    line.by_map.col(3) = map.direction_std[row] * (slope * arm.cross(b));
+    return line;
+}
+
+}  // namespace
+
+FilterMap::FilterMap(const Rows &direction_, const Rows &pivot_, const Eigen::VectorXd &position_std_,
+                     const Eigen::VectorXd &direction_std_)
+    : count(direction_.rows()), direction(direction_), pivot(pivot_), first(count, 3), second(count, 3),
+      position_std(position_std_), direction_std(direction_std_),
+      exact((position_std_.array() == 0.0).all() && (direction_std_.array() == 0.0).all())
+{
+    for (Index i = 0; i < count; i++) {
+        const Vector3d u = direction.row(i);
+        first.row(i) = u.unitOrthogonal();
+        second.row(i) = u.cross(Vector3d(first.row(i)));
+    }
+}
+
+FilterState::FilterState(const Matrix3d &rotation_, const Vector3d &position_, const Matrix6d &covariance_,
+                         Index map_lines)
+    : rotation(rotation_), position(position_), with_map(Eigen::MatrixXd::Zero(12, 4 * map_lines))
+{
+    covariance.topLeftCorner<6, 6>() = covariance_;
+    covariance.bottomRightCorner<6, 6>().setIdentity();
+}
+
+// twist, noise, drift: (v, omega) in the camera's frame; noise is the standard deviation of this step's own error,
+// drift that of the lasting one; memory in [0, 1] is what is left of it at the end.
+void FilterState::predict(const Vector6d &twist, const Vector6d &noise, const Vector6d &drift_std, double duration,
+                          double memory)
+{
+    const Vector6d moving = (twist + drift_std.cwiseProduct(drift)) * duration;
+    Matrix3d turn, mean_turn;
+    exponential(moving.tail<3>(), turn, mean_turn);
+    const Matrix3d in_world = rotation * mean_turn;
+    const Vector3d shift = in_world * moving.head<3>();
+    Matrix6d by_twist = Matrix6d::Zero();
+    by_twist.topLeftCorner<3, 3>() = duration * in_world;
+    by_twist.bottomRightCorner<3, 3>() = duration * in_world;
+    // To first order in the duration: a turn bends the way gone in this step.
+    by_twist.topRightCorner<3, 3>() = -0.5 * duration * skew(shift) * in_world;
+    Matrix12 by_state = Matrix12::Identity();
+    by_state.block<3, 3>(0, 3) = -skew(shift);
+    by_state.topRightCorner<6, 6>() = by_twist * drift_std.asDiagonal();
+    by_state.bottomRightCorner<6, 6>() *= memory;
+    covariance = (by_state * covariance * by_state.transpose()).eval();
+    covariance.topLeftCorner<6, 6>() += by_twist * noise.cwiseAbs2().asDiagonal() * by_twist.transpose();
+    covariance.bottomRightCorner<6, 6>().diagonal().array() += 1.0 - memory * memory;
+    with_map = (by_state * with_map).eval();
+    position += shift;
+    // Renormalised, so that millions of steps do not drift off SO(3).
+    rotation = Eigen::Quaterniond(rotation * turn).normalized().toRotationMatrix();
+    drift *= memory;
+}
+
+// Add to the covariance of the pose.
+void FilterState::inflate(const Matrix6d &pose)
+{
+    covariance.topLeftCorner<6, 6>() += pose;
+}
+
+// Go on with units of the drift that are so many times smaller.
+void FilterState::scale_drift(double factor)
+{
+    drift *= factor;
+    covariance.rightCols<6>() *= factor;
+    covariance.bottomRows<6>() *= factor;
+    with_map.bottomRows<6>() *= factor;
+}
+
+// How far this state is from that of a filter that assumes less, in squared standard deviations of their difference: 12
+// on average if what this one assumes is right. The other one's units of the drift are drift_units times as large.
+// Source: the specification test of Hausman (1978): of two estimates one of which is efficient, the covariance of the
+// difference is the difference of the covariances.
+double FilterState::disagreement(const FilterState &wary, double drift_units) const
+{
+    FilterState own = *this;
+    own.scale_drift(1.0 / drift_units);
+    Eigen::Matrix<double, 12, 1> apart;
+    apart << wary.position - own.position, logarithm(wary.rotation * own.rotation.transpose()), wary.drift - own.drift;
+    const Eigen::Matrix<double, 12, 1> size = wary.covariance.diagonal().cwiseSqrt();
+    Matrix12 spread = size.cwiseInverse().asDiagonal() * (wary.covariance - own.covariance) * size.cwiseInverse().asDiagonal();
+    // Where both know as much, rounding and linearisation decide.
+    const Eigen::SelfAdjointEigenSolver<Matrix12> parts(0.5 * (spread + spread.transpose()));
+    const Eigen::Matrix<double, 12, 1> along = parts.eigenvectors().transpose() * apart.cwiseQuotient(size);
+    return along.cwiseAbs2().cwiseQuotient(parts.eigenvalues().cwiseMax(0.02)).sum();
+}
+
+// Source: iterated extended Kalman filter as Gauss-Newton with the prior (Bell, Cathey 1993), on SO(3) x R^3; the map's
+// errors are considered, not estimated (Schmidt 1966). image: (k, 3) l'; covariances: (k, 3) of angle and offset.
+Innovation FilterState::update(const FilterMap &map, const std::vector<Index> &rows, const Rows &image,
+                               const Rows &covariances, const std::vector<bool> &used, int iterations)
+{
+    const Index k = static_cast<Index>(rows.size());
+    const bool considered = with_map.cols() > 0;
+    Innovation found;
+    found.of_line = found.removal = found.reversed = Eigen::VectorXd::Zero(k);
+    std::vector<Index> chosen;
+    for (Index i = 0; i < k; i++)
+        if (used[i])
+            chosen.push_back(i);
+    const Index m = static_cast<Index>(chosen.size());
+    Matrix3d R = rotation, turn, unused;
+    Vector3d p = position;
+    Vector6d e = drift;
+    Eigen::MatrixXd H(2 * m, 12), M(2 * m, considered ? 4 * m : 0), noise(2 * m, 2 * m), PH(12, 2 * m), gain, S;
+    Eigen::VectorXd residual(2 * m), y, weighted;
+    Matrix12 prior = covariance, posterior;
+    Eigen::MatrixXd cross = with_map;
+    Eigen::LLT<Eigen::MatrixXd> factor;
+    noise.setZero();
+    for (Index j = 0; j < m; j++) {
+        const auto c = covariances.row(chosen[j]);
+        noise.block<2, 2>(2 * j, 2 * j) << c[0], c[1], c[1], c[2];
+    }
+    for (Index i = 0; i < k; i++) {
+        const SeenLine line = seen_line(map, rows[i], R, p, image.row(i));
+        Eigen::Matrix2d spread = line.by_pose * covariance.topLeftCorner<6, 6>() * line.by_pose.transpose();
+        spread += line.by_map * line.by_map.transpose();
+        if (considered) {
+            const Eigen::Matrix2d mixed =
+                line.by_pose * with_map.block(0, 4 * rows[i], 6, 4) * line.by_map.transpose();
+            spread += mixed + mixed.transpose();
+        }
+        spread(0, 0) += covariances(i, 0);
+        spread(0, 1) += covariances(i, 1);
+        spread(1, 0) += covariances(i, 1);
+        spread(1, 1) += covariances(i, 2);
+        found.of_line[i] = line.residual.dot(spread.ldlt().solve(line.residual));
+        found.reversed[i] = line.reversed;
+    }
+    for (bool final = m == 0; !final;) {
+        const Vector3d back = logarithm(rotation * R.transpose());
+        Eigen::Matrix<double, 12, 1> expected;
+        expected << position - p, back, drift - e;
+        prior = covariance;
+        cross = with_map;
+        if (found.iterations > 0) {
+            Matrix12 moved = Matrix12::Identity();
+            moved.block<3, 3>(3, 3) = inverse_left_jacobian(back);
+            // exp(d) R is where exp(prior error) rotation is: d = back + J^-1 (prior error).
+            prior = (moved * covariance * moved.transpose()).eval();
+            if (considered)
+                cross = moved * with_map;
+        }
+        H.setZero();
+        for (Index j = 0; j < m; j++) {
+            const SeenLine line = seen_line(map, rows[chosen[j]], R, p, image.row(chosen[j]));
+            residual.segment<2>(2 * j) = line.residual;
+            H.block<2, 6>(2 * j, 0) = line.by_pose;
+            if (considered)
+                M.block<2, 4>(2 * j, 4 * j) = line.by_map;
+            found.reversed[chosen[j]] = line.reversed;
+        }
+        y = -residual - H.leftCols<6>() * expected.head<6>();
+        PH.noalias() = prior.leftCols<6>() * H.leftCols<6>().transpose();
+        S = H.leftCols<6>() * PH.topRows<6>() + noise;
+        if (considered) {
+            for (Index j = 0; j < m; j++) {
+                const auto by_map = M.block<2, 4>(2 * j, 4 * j);
+                const Eigen::Matrix<double, 12, 2> with_line = cross.middleCols<4>(4 * rows[chosen[j]]) * by_map.transpose();
+                PH.middleCols<2>(2 * j) += with_line;
+                const Eigen::Matrix<double, Eigen::Dynamic, 2> mixed = H.leftCols<6>() * with_line.topRows<6>();
+                S.middleCols<2>(2 * j) += mixed;
+                S.middleRows<2>(2 * j) += mixed.transpose();
+                S.block<2, 2>(2 * j, 2 * j) += by_map * by_map.transpose();
+            }
+        }
+        factor.compute(S);
+        if (factor.info() != Eigen::Success || !y.allFinite())
+            return found;
+        gain = factor.solve(PH.transpose()).transpose();
+        Eigen::Matrix<double, 12, 1> step = expected + gain * y;
+        posterior = prior - gain * PH.transpose();
+        posterior = (0.5 * (posterior + posterior.transpose())).eval();
+        if (!step.allFinite() || !(posterior.diagonal().array() > 0.0).all())
+            return found;
+        const double angle = step.segment<3>(3).norm();
+        const bool shortened = angle > longest_turn;
+        if (shortened)
+            step *= longest_turn / angle;
+        const double size = (step.head<6>().array() / posterior.diagonal().head<6>().array().sqrt()).abs().maxCoeff();
+        found.iterations++;
+        final = found.iterations >= iterations || (size < settled && !shortened);
+        if (found.iterations >= iterations && size > 1.0)
+            return found;
+        p += step.head<3>();
+        exponential(step.segment<3>(3), turn, unused);
+        R = (turn * R).eval();
+        e += step.tail<6>();
+    }
+    if (m > 0) {
+        weighted = factor.solve(y);
+        found.squared = y.dot(weighted);
+        found.log_determinant = 2.0 * Eigen::MatrixXd(factor.matrixLLT()).diagonal().array().log().sum();
+        const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(2 * m, 2 * m));
+        for (Index j = 0; j < m; j++) {
+            const Eigen::Vector2d w = weighted.segment<2>(2 * j);
+            found.removal[chosen[j]] = w.dot(inverse.block<2, 2>(2 * j, 2 * j).ldlt().solve(w));
+        }
+        if (considered) {
+            Eigen::MatrixXd explained = H * cross;
+            for (Index j = 0; j < m; j++)
+                explained.block<2, 4>(2 * j, 4 * rows[chosen[j]]) += M.block<2, 4>(2 * j, 4 * j);
+            with_map = cross - gain * explained;
+        }
+        covariance = posterior;
+        position = p;
+        rotation = Eigen::Quaterniond(R).normalized().toRotationMatrix();
+        drift = e;
+    }
+    found.good = true;
+    return found;
+}
+
+void bind_pose_filter(py::module_ &module)
+{
+    py::class_<FilterMap>(module, "FilterMap", "Lines with their tolerances, as the filter needs them.")
+        .def(py::init<const Rows &, const Rows &, const Eigen::VectorXd &, const Eigen::VectorXd &>(),
+             py::arg("direction"), py::arg("pivot"), py::arg("position_std"), py::arg("direction_std"))
+        .def_readonly("count", &FilterMap::count)
+        .def_readonly("exact", &FilterMap::exact);
+    py::class_<Innovation>(module, "Innovation", "What one image says about a state.")
+        .def_readonly("good", &Innovation::good)
+        .def_readonly("squared", &Innovation::squared)
+        .def_readonly("of_line", &Innovation::of_line)
+        .def_readonly("removal", &Innovation::removal)
+        .def_readonly("reversed", &Innovation::reversed)
+        .def_readonly("log_determinant", &Innovation::log_determinant)
+        .def_readonly("iterations", &Innovation::iterations);
+    py::class_<FilterState>(module, "FilterState", "A pose T_world_camera with the drift of the twist.")
+        .def(py::init<const Matrix3d &, const Vector3d &, const Matrix6d &, Index>(), py::arg("rotation"),
+             py::arg("position"), py::arg("covariance"), py::arg("map_lines"))
+        .def("copy", [](const FilterState &state) { return FilterState(state); })
+        .def("predict", &FilterState::predict, py::arg("twist"), py::arg("noise"), py::arg("drift"),
+             py::arg("duration"), py::arg("memory"))
+        .def("inflate", &FilterState::inflate, py::arg("pose"))
+        .def("scale_drift", &FilterState::scale_drift, py::arg("factor"))
+        .def("disagreement", &FilterState::disagreement, py::arg("wary"), py::arg("drift_units"))
+        .def("update", &FilterState::update, py::arg("map_lines"), py::arg("rows"), py::arg("image"), py::arg("covariances"),
+             py::arg("used"), py::arg("iterations"))
+        .def_readonly("rotation", &FilterState::rotation)
+        .def_readonly("position", &FilterState::position)
+        .def_readonly("drift", &FilterState::drift)
+        .def_property_readonly("covariance",
+                               [](const FilterState &state) -> Matrix6d { return state.covariance.topLeftCorner<6, 6>(); })
+        .def_property_readonly("drift_covariance", [](const FilterState &state) -> Matrix6d {
+            return state.covariance.bottomRightCorner<6, 6>();
+        });
+}
+
+}  // namespace plsing

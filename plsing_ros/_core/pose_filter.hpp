@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// An iterated Kalman filter on SE(3) for image lines whose map has errors of its own.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Dense>
+
+#include "lines.hpp"
+
+namespace plsing {
+
+
+
+using Matrix12 = Eigen::Matrix<double, 12, 12>;
+
+
+using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// The lines of a map: each goes through its pivot, which is off by N(0, position_std^2) in both directions across the
+// line, and its direction turns about the pivot by N(0, direction_std^2) about both. Four standard normal numbers a line.
+struct FilterMap {
+    FilterMap(const Rows &direction, const Rows &pivot, const Eigen::VectorXd &position_std,
+              const Eigen::VectorXd &direction_std);
+
+    Index count;
+    Rows direction, pivot, first, second;  // (n, 3); first and second are unit vectors across the line
+    Eigen::VectorXd position_std, direction_std;
+    bool exact;  // no line has an error
+};
+
+// What one image says about a state, and what an update made of it; k lines were given.
+struct Innovation {
+    bool good = false;             // false: not finite, or not converged; the state is as it was
+    double squared = 0.0;          // squared Mahalanobis distance of all used lines, where the update ended
+    Eigen::VectorXd of_line;       // (k) of each line alone, against the state before, with its covariance
+    Eigen::VectorXd removal;       // (k) by how much `squared` would fall without this line; 0 if it is not used
+    Eigen::VectorXd reversed;      // (k) 1 if seen against its direction
+    double log_determinant = 0.0;  // of the covariance of the used lines' innovation
+    int iterations = 0;
+};
+
+// The pose T_world_camera, with the drift of the twist: what the camera's twist differs by, for a while, from the one
+// given, in units of `drift` of predict().
+// Errors: (position, rotation about the world's axes, drift), with true position = position + error and
+// true rotation = exp(error) rotation, as in geometry_msgs/PoseWithCovariance.
+class FilterState {
+public:
+    FilterState(const Matrix3d &rotation, const Vector3d &position, const Matrix6d &covariance, Index map_lines);
+
+    void predict(const Vector6d &twist, const Vector6d &noise, const Vector6d &drift, double duration, double memory);
+    void inflate(const Matrix6d &pose);
+    void scale_drift(double factor);
+    double disagreement(const FilterState &wary, double drift_units) const;
+    Innovation update(const FilterMap &map, const std::vector<Index> &rows, const Rows &image,
+                      const Rows &covariances, const std::vector<bool> &used, int iterations);
+
+    Matrix3d rotation;
+    Vector3d position;
+    Vector6d drift = Vector6d::Zero();
+    Matrix12 covariance = Matrix12::Zero();
+    Eigen::MatrixXd with_map;  // (12, 4 n): covariance with the errors of the map; (12, 0) if the map is exact
+};
+
+}  // namespace plsing
