@@ -50,7 +50,7 @@ paper: python
 	@$(RUN) python3 -m paper $(ARGS)
 
 docs: python
-	@$(RUN) python3 -m sphinx --fail-on-warning --keep-going -q -d build/docs/doctrees docs build/docs/html $(ARGS)
+	@$(RUN) python3 -m sphinx --fail-on-warning --keep-going -q -E -d build/docs/doctrees docs build/docs/html $(ARGS)
 	@echo "built build/docs/html/index.html"
 
 bench: python

@@ -23,11 +23,12 @@ def header_folders() -> list[str]:
     return folders
 
 
-def config_files() -> list[tuple[str, list[str]]]:
-    """Return config/ as data_files entries: each folder with the files in it."""
+def shared_files() -> list[tuple[str, list[str]]]:
+    """Return what is installed in share/plsing_ros as data_files entries: each folder with the files in it."""
     files_of: dict[Path, list[str]] = {}
-    for file in sorted(Path("config").rglob("*.*")):
-        files_of.setdefault(file.parent, []).append(str(file))
+    for pattern in ("config/**/*.*", "launch/*.launch.py", "docs/**/*.md"):
+        for file in sorted(Path().glob(pattern)):
+            files_of.setdefault(file.parent, []).append(str(file))
     return [(str(SHARE / folder), files) for folder, files in files_of.items()]
 
 
@@ -38,7 +39,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (str(SHARE), ["package.xml"]),
-        *config_files(),
+        *shared_files(),
     ],
     package_data={NAME: ["py.typed"], f"{NAME}._core": ["*.pyi"], f"{NAME}.kernels": ["*.pyi"]},
     ext_modules=[

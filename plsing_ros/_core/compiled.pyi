@@ -449,6 +449,42 @@ def motion_between(rotation: Array, translation: Array, to_rotation: Array, to_t
 def image_noise(image: GreyImage) -> float:
     """Return the standard deviation of an image's noise [grey levels]."""
 
+# proximity.cpp
+
+def proximity(
+    direction: Array,
+    pivot: Array,
+    position_std: Array,
+    direction_std: Array,
+    center: Array,
+    length: float,
+    image_std: float,
+) -> tuple[float, float, Array, float, float, float, Array] | None:
+    """Return how near a camera centre is to a singular one; None if something is not finite.
+
+    Args:
+        direction: Unit directions of n lines, shape (n, 3).
+        pivot: The point of each that its errors are about, shape (n, 3) [m].
+        position_std: Shape (n,) [m].
+        direction_std: Shape (n,) [rad].
+        center: Shape (3,) [m].
+        length: That translations are divided by [m].
+        image_std: Standard deviation of the normals of the interpretation planes [rad].
+
+    Returns:
+        z (infinite without errors of the lines), distance [m], closest point (3,) [m], smallest over largest singular
+        value; standard deviations of position [m] and rotation [rad] along the least observable motion, and that motion
+        (v, omega) (6,), v in metres for a length of one in units of length.
+
+    Source: singularities.proximity.
+    """
+
+def scene_conditions(direction: Array, point: Array, centers: Array) -> Array:
+    """Return the smallest over the largest singular value of the row-normalised xi at centres (k, 3), shape (k,).
+
+    Lengths are in the unit of the coordinates; accurate to about 1e-8, the root of the rounding.
+    """
+
 # pose_filter.cpp
 
 class FilterMap:

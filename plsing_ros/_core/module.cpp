@@ -8,6 +8,7 @@ void bind_monitoring(py::module_ &module);
 void bind_minimal_solver(py::module_ &module);
 void bind_pose_estimation(py::module_ &module);
 void bind_tracking(py::module_ &module);
+void bind_proximity(py::module_ &module);
 void bind_pose_filter(py::module_ &module);
 }  // namespace plsing
 
@@ -20,5 +21,6 @@ PYBIND11_MODULE(compiled, module)
     plsing::bind_minimal_solver(module);
     plsing::bind_pose_estimation(module);
     plsing::bind_tracking(module);
+    plsing::bind_proximity(module);
     plsing::bind_pose_filter(module);
 }

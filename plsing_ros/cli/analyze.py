@@ -13,13 +13,16 @@ from plsing_ros.cli.command import run_command
 from plsing_ros.figures.scene_page import save_scene_page
 from plsing_ros.geometry.pose import checked_position
 from plsing_ros.geometry.scene_file import read_scene
-from plsing_ros.singularities import SingularSet, singular_set
+from plsing_ros.singularities import Proximity, SingularSet, singular_set
 from plsing_ros.singularities.proofs.certify import certify
 
 _EPILOG = """examples:
   analyze config/paper_p4l.yaml
   analyze config/paper_p4l.yaml --at 0.6962 -4.637 7.8    also how near a camera there is
   analyze config/paper_p4l.yaml --page scene.html         also a page to turn it around in a browser"""
+
+# z below which a camera may be singular, and relative inverse condition number up to which it is.
+_MAY_BE, _LOST = 3.0, 1e-6
 
 # How far from the middle of the scene lines and surfaces are drawn, in mean distances of the lines from it.
 _DRAWN = (8.0, 3.0)
@@ -67,6 +70,21 @@ def _proofs(singular: SingularSet) -> list[str]:
 def _situation(singular: SingularSet, center: Array) -> list[str]:
     lines = ["", f"camera at {vector_text(center)} m"]
     lines += [f"  {each.distance:10.4f} m from {each.name}" for each in singular.distances(center)]
+    lines += _proximity(singular.proximity(center))
     motions = singular.unobservable_motions(center)
-    lines += [f"  unobservable motion: {motion}" for motion in motions] or ["  no motion is lost there"]
+    lines += [f"  unobservable motion: {motion}" for motion in motions]
     return lines
+
+
+def _proximity(near: Proximity) -> list[str]:
+    """Return how near a camera is to a singular centre, whether or not a locus is named there."""
+    lines = [
+        f"  1/cond is {near.relative_condition:.2g} of normal; to first order the nearest singular centre is "
+        f"{near.distance:.3g} m away, at {vector_text(near.closest_point)} m",
+        f"  for each mrad of image noise the pose is off by {near.position_std:.2g} m and {near.rotation_std:.2g} rad "
+        f"along its least observable motion {vector_text(near.least_observable_motion)}",
+    ]
+    if near.z is None:
+        return [*lines, "  no motion is lost there" if near.relative_condition > _LOST else "  a motion is lost there"]
+    may = "the camera may be singular" if near.z < _MAY_BE else "it is not singular"
+    return [*lines, f"  z = {near.z:.3g}: as far as is known of the lines, {may}"]

@@ -31,8 +31,9 @@ def parameter_file(node: str) -> str:
     """Return a ROS parameter file with every parameter of a node at its default, its meaning, unit and range."""
     lines = [
         f"# Every parameter of {node}, at its default. Give it before a scene's file, which has the last word:",
+        "#   share=$(ros2 pkg prefix --share plsing_ros)",
         f"#   ros2 run plsing_ros {node} --ros-args \\",
-        f"#     --params-file config/{node}.yaml --params-file config/paper_p4l.yaml",
+        f"#     --params-file $share/config/{node}.yaml --params-file $share/config/paper_p4l.yaml",
         "# Made by python3 -m plsing_ros.cli.parameter_files from plsing_ros/parameters/.",
         "",
         f"/**/{node}:",

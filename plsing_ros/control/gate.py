@@ -11,16 +11,18 @@ class StatusGate:
 
     Attributes:
         worst: The worst level that opens it.
+        publishers: How many publish statuses; more than one, and somebody may be forging them.
     """
 
     def __init__(self, worst: Level, timeout: float, future_tolerance: float) -> None:
         self.worst = worst
+        self.publishers = 1
         self._stamp_filter = StampFilter("singularity statuses", timeout, future_tolerance)
         self._level = Level.STALE
         self._reason = ""
 
     def set_times(self, timeout: float, future_tolerance: float) -> None:
-        """Use other times [s], as in Freshness, from now on."""
+        """Use other times [s], as in StampFilter, from now on."""
         self._stamp_filter.timeout, self._stamp_filter.future_tolerance = timeout, future_tolerance
 
     def receive(self, level: int, reason: str, stamp: int, now: int) -> None:
@@ -36,10 +38,12 @@ class StatusGate:
     def closed(self, now: int) -> str | None:
         """Return why the robot must not move now [ns], or None."""
         silence = self._stamp_filter.silence(now)
+        who = "" if self.publishers == 1 else f" (singularity_status has {self.publishers} publishers)"
         if silence is not None:
-            return f"the gate is closed: {silence}"
+            return f"the gate is closed: {silence}{who}"
         if self._level > self.worst:
             return (
-                f"the gate is closed: the monitor says {self._level.name}, allowed is {self.worst.name}: {self._reason}"
+                f"the gate is closed: the monitor says {self._level.name}, allowed is {self.worst.name}: "
+                f"{self._reason}{who}"
             )
         return None

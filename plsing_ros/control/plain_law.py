@@ -14,7 +14,7 @@ from plsing_ros.parameters import ControllerParameters
 def plain_twist(
     parameters: ControllerParameters, lines: LineSet, image: Array, target_image: Array
 ) -> tuple[LawTwist, float]:
-    """Return what law_twist does where parameters.is_plain, and |s - s*|, without the cost of its options.
+    """Return what compute_twist does where parameters.is_plain, and |s - s*|, without the cost of its options.
 
     Args:
         parameters: Gain and threshold.

@@ -80,7 +80,7 @@ def inverse_condition_numbers(lines: LineSet, centers: Array, viewed: npt.ArrayL
     Returns:
         Raw, in [0, 1], shape (k,); 0 where a line has no image, or the optical axis would be vertical.
     """
-    # As Pose.looking_at, for all cameras at once.
+    # As Pose.look_at, for all cameras at once.
     forward = np.asarray(viewed, dtype=float) - centers
     distance = np.linalg.norm(forward, axis=1)
     z = forward / np.where(distance > 0.0, distance, 1.0)[:, np.newaxis]

@@ -32,7 +32,7 @@ class Assessment(NamedTuple):
         time_to_critical: When the inverse condition number falls below its critical threshold at its present rate [s],
             or None if it does not, or the rate is not clear of noise.
         position_source: "camera_pose", "features", or "" if the camera position is not known.
-        describe_lost_motion: Returns the least observable direction in words, near a singularity; else nothing.
+        describe_unobservable_motion: Returns the least observable direction in words, near a singularity; else nothing.
         target_inverse_condition_number: At the target with the same lines, or None if no target is known.
         pose: T_world_camera that the distances belong to, or None if the camera position is not known.
     """

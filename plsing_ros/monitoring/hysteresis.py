@@ -11,7 +11,7 @@ from plsing_ros.levels import Level
 DEFAULT_EXIT = 1.2
 
 
-# A look-up in an enumeration costs as much as the rest of a quiet cycle of a latch.
+# A look-up in an enumeration costs as much as the rest of a quiet cycle.
 OK = Level.OK
 
 

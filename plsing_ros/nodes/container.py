@@ -20,8 +20,9 @@ NODES: dict[str, Create] = {
 }
 
 _EXAMPLES = """examples:
-  ros2 run plsing_ros container feature_simulator controller --ros-args --params-file config/paper_p4l.yaml
-  ros2 run plsing_ros container pose_estimator controller --ros-args --params-file config/paper_p4l.yaml \\
+  share=$(ros2 pkg prefix --share plsing_ros)
+  ros2 run plsing_ros container feature_simulator controller --ros-args --params-file $share/config/paper_p4l.yaml
+  ros2 run plsing_ros container pose_estimator controller --ros-args --params-file $share/config/paper_p4l.yaml \\
     -r controller:line_features:=completed_line_features -p controller:gain:=0.5
 
 The nodes share one thread: put those together that wait for each other anyway, and the singularity_monitor, which

@@ -158,7 +158,17 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
             head = header(self.now(), self.parameters.camera_frame)
             self._desired.publish(features_message(target.observation, head))
 
+    def _count_status_publishers(self) -> None:
+        gate = self._servo.gate
+        before, gate.publishers = gate.publishers, self.count_publishers(self.resolve_topic_name("singularity_status"))
+        if gate.publishers > max(before, 1):
+            self.get_logger().error(
+                f"singularity_status has {gate.publishers} publishers; the gate cannot tell the monitor from others"
+            )
+
     def _on_watchdog(self) -> None:
+        if self.parameters.gate == "status":
+            self._count_status_publishers()
         command = self._servo.silence(self.now())
         if command is not None:
             self._command(command, self.now())
@@ -211,12 +221,13 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
 
 
 _EXAMPLES = """examples:
-  ros2 run plsing_ros controller --ros-args --params-file config/paper_p4l.yaml
-  ros2 run plsing_ros controller --ros-args --params-file config/paper_p4l.yaml -p gain:=0.5
-  ros2 run plsing_ros controller --ros-args --params-file config/paper_p4l.yaml -p law:=guarded
+  share=$(ros2 pkg prefix --share plsing_ros)
+  ros2 run plsing_ros controller --ros-args --params-file $share/config/paper_p4l.yaml
+  ros2 run plsing_ros controller --ros-args --params-file $share/config/paper_p4l.yaml -p gain:=0.5
+  ros2 run plsing_ros controller --ros-args --params-file $share/config/paper_p4l.yaml -p law:=guarded
   ros2 service call /controller/enable std_srvs/srv/SetBool "{data: false}"
 
-All parameters with units and ranges: config/controller.yaml"""
+All parameters with units and ranges: $share/config/controller.yaml"""
 
 
 def main() -> int:

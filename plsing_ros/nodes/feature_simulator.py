@@ -138,11 +138,12 @@ class FeatureSimulatorNode(ParameterizedNode[SimulatorParameters]):
 
 
 _EXAMPLES = """examples:
-  ros2 run plsing_ros feature_simulator --ros-args --params-file config/paper_p4l.yaml
-  ros2 run plsing_ros feature_simulator --ros-args --params-file config/paper_p4l.yaml -p noise:=0.002
+  share=$(ros2 pkg prefix --share plsing_ros)
+  ros2 run plsing_ros feature_simulator --ros-args --params-file $share/config/paper_p4l.yaml
+  ros2 run plsing_ros feature_simulator --ros-args --params-file $share/config/paper_p4l.yaml -p noise:=0.002
   ros2 service call /feature_simulator/reset std_srvs/srv/Trigger
 
-All parameters with units and ranges: config/feature_simulator.yaml"""
+All parameters with units and ranges: $share/config/feature_simulator.yaml"""
 
 
 def main() -> int:

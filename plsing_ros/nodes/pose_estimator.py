@@ -128,18 +128,19 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
 
 
 _EXAMPLES = """examples:
-  ros2 run plsing_ros pose_estimator --ros-args --params-file config/paper_p4l.yaml
+  share=$(ros2 pkg prefix --share plsing_ros)
+  ros2 run plsing_ros pose_estimator --ros-args --params-file $share/config/paper_p4l.yaml
   ros2 topic echo /pose_estimator/state --field verdict
 
 The whole chain without ground truth: the simulator shows image lines only, the others use the estimate.
-  ros2 run plsing_ros feature_simulator --ros-args --params-file config/paper_p4l.yaml \\
+  ros2 run plsing_ros feature_simulator --ros-args --params-file $share/config/paper_p4l.yaml \\
       -p image_only:=true -r camera_pose:=true_camera_pose
-  ros2 run plsing_ros controller --ros-args --params-file config/paper_p4l.yaml \\
+  ros2 run plsing_ros controller --ros-args --params-file $share/config/paper_p4l.yaml \\
       -r line_features:=completed_line_features
-  ros2 run plsing_ros singularity_monitor --ros-args --params-file config/paper_p4l.yaml \\
+  ros2 run plsing_ros singularity_monitor --ros-args --params-file $share/config/paper_p4l.yaml \\
       -r line_features:=completed_line_features
 
-All parameters with units and ranges: config/pose_estimator.yaml"""
+All parameters with units and ranges: $share/config/pose_estimator.yaml"""
 
 
 def main() -> int:

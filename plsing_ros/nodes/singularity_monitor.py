@@ -201,13 +201,14 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
 
 
 _EXAMPLES = """examples:
-  ros2 run plsing_ros singularity_monitor --ros-args --params-file config/paper_p4l.yaml
+  share=$(ros2 pkg prefix --share plsing_ros)
+  ros2 run plsing_ros singularity_monitor --ros-args --params-file $share/config/paper_p4l.yaml
   ros2 topic echo /singularity_alerts
   ros2 param set /singularity_monitor warn.transversal_distance 0.3
   ros2 service call /singularity_monitor/check_pose plsing_msgs/srv/CheckPose \\
     "{pose: {pose: {position: {x: 0.7, y: -4.6, z: 7.8}, orientation: {w: 1.0}}}}"
 
-All parameters with units and ranges: config/singularity_monitor.yaml"""
+All parameters with units and ranges: $share/config/singularity_monitor.yaml"""
 
 
 def main() -> int:

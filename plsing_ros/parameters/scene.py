@@ -71,7 +71,8 @@ class SceneParameters(ParameterSet):
         if not self.lines_points and not self.lines_directions:
             raise ParameterError(
                 "parameters 'lines.points' and 'lines.directions' are empty: no scene given; "
-                "start the node with a parameter file, for example --ros-args --params-file config/paper_p4l.yaml"
+                "start the node with a parameter file, for example "
+                "--ros-args --params-file $(ros2 pkg prefix --share plsing_ros)/config/paper_p4l.yaml"
             )
         if len(self.lines_points) % 3 or len(self.lines_points) != len(self.lines_directions):
             raise ParameterError(

@@ -40,7 +40,7 @@ class ServoTask:
         seed: Of the noise.
         arrived: Distance to a fixed target at which the run ends [m]; 0: it goes on until the path's duration is over.
         law: Parameters of the controller over the plain law, by ROS name.
-        going_round: How to change the path of a moving target where it comes near singular loci; errors are still those
+        avoidance: How to change the path of a moving target where it comes near singular loci; errors are still those
             to the path. None: it stays as it is.
     """
 

@@ -5,8 +5,10 @@ from plsing_ros.singularities.cases import Case
 from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.four_lines import IsolatedStatus
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
+from plsing_ros.singularities.locus import Locus
 from plsing_ros.singularities.meshing import surface_triangles
 from plsing_ros.singularities.nearest_transversal import NearestTransversal
+from plsing_ros.singularities.proximity import Proximity
 from plsing_ros.singularities.singular_set import SingularSet, singular_set
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import Transversal, TransversalFamily
@@ -19,9 +21,11 @@ __all__ = [
     "FourLineBatch",
     "IsolatedStatus",
     "Kind",
+    "Locus",
     "LocusDistance",
     "MotionKind",
     "NearestTransversal",
+    "Proximity",
     "SingularSet",
     "Surface",
     "Transversal",

@@ -19,6 +19,7 @@ class Kind(enum.Enum):
     CUBIC = "cubic surface"
     STRAIGHT_LINE = "singular straight line"
     CONIC = "conic"
+    EVERYWHERE = "everywhere"
 
     def __str__(self) -> str:
         return self.value

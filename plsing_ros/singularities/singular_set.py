@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,11 +17,15 @@ from plsing_ros.singularities.cases import Case, classify
 from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.degenerate_scenes import distinct_rows, singular_everywhere_reason
 from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, isolated_points_of_four, no_points
+from plsing_ros.singularities.ideal_scene import ideal_scene
 from plsing_ros.singularities.isolated_points import ComplexArray
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
+from plsing_ros.singularities.locus import Everywhere, Locus, Part, StraightPart
 from plsing_ros.singularities.many_lines import isolated_points_of_many
+from plsing_ros.singularities.near_transversals import near_transversals
 from plsing_ros.singularities.nearest_transversal import NearestTransversal, nearest_transversal
 from plsing_ros.singularities.parallel_lines import screws_of_parallel_lines
+from plsing_ros.singularities.proximity import Proximity, normal_condition, proximity
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.surfaces import Surface, plane_surface, three_line_cubic, transversal_surfaces
@@ -36,6 +40,10 @@ from plsing_ros.singularities.transversals import (
     places_along,
 )
 from plsing_ros.singularities.unobservable_motion import UnobservableMotion, unobservable_motions
+
+# Scene lengths: a transversal of measured lines that far away is that of lines that are nearly parallel, and one that
+# near to a locus of the exact lines is that locus.
+_FAR, _BESIDE = 10.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +66,10 @@ class SingularSet:
         note: What became of the isolated points of a general scene, or why every centre is singular; empty if there is
             nothing to add.
         frame: The scene coordinates everything was computed in.
+        exact_lines: The lines that everything is exact for: lines themselves if they are known exactly, else the
+            nearest ones with the structure that lines have within their tolerances (ideal_scene).
+        exactness: By how many tolerances those differ from lines, root mean square over the relations between them.
+
     """
 
     lines: LineSet
@@ -74,6 +86,8 @@ class SingularSet:
     singular_everywhere: bool
     note: str
     frame: SceneFrame
+    exact_lines: LineSet
+    exactness: float = 0.0
 
     @cached_property
     def description(self) -> str:
@@ -101,7 +115,25 @@ class SingularSet:
             zip(self.isolated_points.tolist(), self.isolated_point_residuals, strict=True), start=1
         ):
             rows.append(f"isolated point {number}: {vector_text(point)} m, residual {residual:.1e}")
-        return "\n".join([*rows, *map(str, self.surfaces), *map(str, self.curves)])
+        rows += [*map(str, self.surfaces), *map(str, self.curves)]
+        if not self.lines.exact:
+            rows += ["", *self._tolerance_text]
+        return "\n".join(rows)
+
+    @cached_property
+    def _tolerance_text(self) -> list[str]:
+        """What the tolerances of the lines have to do with it, a sentence and a row for each locus."""
+        position, direction = self.lines.position_std.max(), self.lines.direction_std.max()
+        known = f"with {1e3 * position:.3g} mm and {1e3 * direction:.3g} mrad"
+        if self.singular_everywhere:
+            return [f"{known} this scene is, as far as is known of its lines, singular at every camera centre"]
+        if not self.loci:
+            return [f"{known} no singular point, line or surface is known; z tells how near any camera is to one"]
+        return [f"{known} this scene is, as far as is known of its lines, singular in:"] + [
+            f"  {locus.name}: {locus.exactness:.2g} tolerances from exact, 1/cond down to "
+            f"{locus.lowest_relative_condition:.1e} of normal, below a tenth within {locus.half_width:.3g} m"
+            for locus in self.loci
+        ]
 
     @cached_property
     def locus_names(self) -> tuple[str, ...]:
@@ -189,21 +221,66 @@ class SingularSet:
             self.locus_kinds[i], self.locus_names[i], float(arrays.distance[i]), arrays.closest_point[i]
         )
 
+    def proximity(self, pose_or_center: Pose | npt.ArrayLike, image_std: float = 1e-3) -> Proximity:
+        """Return how near a camera is to a singular centre, whether or not a locus is known there; for every cycle.
+
+        Args:
+            pose_or_center: T_world_camera, or the camera centre, shape (3,) [m]; in the frame of the lines.
+            image_std: Error of the image lines [rad] that the standard deviations of the pose are for.
+
+        Raises:
+            GeometryError: If the centre is not three finite numbers or beyond 1e50 m, or image_std is not positive.
+        """
+        return proximity(self.lines, self._measured_frame, self.normal_condition, pose_or_center, image_std)
+
+    @cached_property
+    def normal_condition(self) -> float:
+        """Median inverse condition number one to three scene lengths away: what a relative condition is relative to."""
+        return normal_condition(self._measured_frame)
+
+    @cached_property
+    def _measured_frame(self) -> SceneFrame:
+        return SceneFrame.of(self.lines)
+
+    @cached_property
+    def loci(self) -> tuple[Locus, ...]:
+        """All parts in the order of locus_names, without the observed lines; one part if every centre is singular."""
+        if self.singular_everywhere:
+            return (self._locus("everywhere", Kind.EVERYWHERE, Everywhere(), self.exactness),)
+        parts: list[tuple[Part, float]] = [(StraightPart(t.point, t.direction), t.exactness) for t in self.transversals]
+        parts += [(StraightPart(point, np.zeros(3)), self.exactness) for point in self.isolated_points]
+        parts += [(surface, self.exactness) for surface in self.surfaces]
+        parts += [(curve, self.exactness) for curve in self.curves]
+        named = [
+            (name, kind)
+            for name, kind in zip(self.locus_names, self.locus_kinds, strict=True)
+            if kind is not Kind.OBSERVED_LINE
+        ]
+        return tuple(
+            self._locus(name, kind, part, exactness)
+            for (name, kind), (part, exactness) in zip(named, parts, strict=True)
+        )
+
+    def _locus(self, name: str, kind: Kind, part: Part, exactness: float) -> Locus:
+        return Locus(name, kind, part, exactness, self.lines, self.exact_lines)
+
     @cached_property
     def nearest_transversal(self) -> NearestTransversal:
         """The line that comes nearest to meeting all lines, with how far it misses each."""
-        return nearest_transversal(SceneFrame.of(self.lines))
+        return nearest_transversal(self._measured_frame)
 
     def unobservable_motions(self, pose_or_center: Pose | npt.ArrayLike) -> tuple[UnobservableMotion, ...]:
         """Return the motions that move no image line at a camera centre, see unobservable_motions."""
-        return unobservable_motions(self.lines, pose_or_center)
+        return unobservable_motions(self.exact_lines, pose_or_center)
 
 
 def singular_set(lines: LineSet) -> SingularSet:
-    """Return all singular camera centres of n lines.
+    """Return all singular camera centres of n lines, exactly or within the tolerances of the lines.
 
     Any number of lines is answered; fewer than three, parallel or concurrent lines are singular everywhere, which is
-    an answer, not an error.
+    an answer, not an error. For lines with standard deviations the set is that of the nearest scene with the parallels,
+    right angles, planes and cylinders that they have within these (ideal_scene), and lines that meet five or more lines
+    within them are transversals, too (near_transversals).
 
     Args:
         lines: n >= 1 lines in any frame that is fixed to them.
@@ -219,6 +296,49 @@ def singular_set(lines: LineSet) -> SingularSet:
         raise GeometryError(
             f"line {lines.ids[row]}: its moment is {largest:.3g} m; up to {FARTHEST:.0e} m can be computed with"
         )
+    scene = ideal_scene(lines)
+    singular = _singular_set_of(scene.lines)
+    if lines.exact:
+        return singular
+    frame = SceneFrame.of(lines)
+    known = [replace(each, exactness=scene.exactness) for each in singular.transversals]
+    if len(lines) > 4 and not singular.singular_everywhere:
+        known += [each for each in near_transversals(lines) if not _is_known(each, singular)]
+    points = np.reshape([each.point for each in known], (-1, 3))
+    directions = np.reshape([each.direction for each in known], (-1, 3))
+    places = places_along(frame.to_scene(points), directions)
+    residual = singularity_residuals(frame.point, frame.direction, places).reshape(-1, 2)
+    order = order_of_loci(singular.frame.to_scene(points), directions)
+    transversals = [
+        replace(known[i], name=f"transversal {rank}", residual=float(residual[i].max()))
+        for rank, i in enumerate(order, start=1)
+    ]
+    return replace(
+        singular,
+        lines=lines,
+        transversals=tuple(transversals),
+        exactness=scene.exactness,
+        isolated_point_residuals=_residuals(frame, singular.isolated_points),
+        isolated_complex_residuals=_residuals(frame, singular.isolated_points_complex),
+    )
+
+
+def _residuals(frame: SceneFrame, points: Array | ComplexArray) -> Array:
+    return singularity_residuals(frame.point, frame.direction, (points - frame.center) / frame.length)
+
+
+def _is_known(line: Transversal, singular: SingularSet) -> bool:
+    """Return whether a line is far away, or its part in the scene near one observed line or locus of a singular set."""
+    frame = singular.frame
+    if np.linalg.norm(line.point - frame.center) > _FAR * frame.length:
+        return True
+    places = line.point + frame.length * np.array([[-1.0], [0.0], [1.0]]) * line.direction
+    distances = np.array([singular.distance_arrays(place).distance for place in places])
+    return bool((distances.max(axis=0) <= _BESIDE * frame.length).any())
+
+
+def _singular_set_of(lines: LineSet) -> SingularSet:
+    """Return the singular set of lines that are taken as exact."""
     frame = SceneFrame.of(lines)
     rows = distinct_rows(frame)
     reason = singular_everywhere_reason(frame, len(rows))
@@ -289,4 +409,5 @@ def _assembled(
         singular_everywhere=case is Case.SINGULAR_EVERYWHERE,
         note=isolated.note,
         frame=frame,
+        exact_lines=lines,
     )

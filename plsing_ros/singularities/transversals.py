@@ -47,12 +47,15 @@ class Transversal:
             several as large), shape (3,).
         residual: The largest of the independent residuals (singularity_residuals) at two of its points.
         name: "transversal 1", ...: the one closest to the scene's centre first.
+        exactness: By how many tolerances the lines must change, root mean square over the conditions, for it to meet
+            them all; 0 for exact lines.
     """
 
     point: Array
     direction: Array
     residual: float
     name: str
+    exactness: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

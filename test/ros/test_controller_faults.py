@@ -184,6 +184,19 @@ def status(level, stamp, reason="as told"):
     return SingularityStatus(header=header(stamp, "camera_optical_frame"), level=level, reason=reason)
 
 
+def test_a_gate_names_the_number_of_publishers_when_it_is_not_one(ros, paper):
+    loop = ControllerLoop(ros, paper, gate="status", gate_timeout=0.3)
+
+    def reason():
+        return loop.answer(features(start_pose(1), loop.now()))[1].reason
+
+    ros.spin_until(lambda: "singularity_status has 0 publishers" in reason(), "the number to be said")
+    for _ in range(2):
+        forger = ros.publisher(SingularityStatus, "singularity_status", qos.STATUS)
+        forger.publish(status(SingularityStatus.LEVEL_CRITICAL, loop.node.now()))
+    ros.spin_until(lambda: "singularity_status has 2 publishers" in reason(), "the number to be said")
+
+
 def test_a_gated_controller_moves_only_with_a_fresh_status(ros, paper):
     loop = ControllerLoop(ros, paper, gate="status", gate_timeout=0.3)
     statuses = ros.publisher(SingularityStatus, "singularity_status", qos.STATUS)

@@ -1,0 +1,75 @@
+"""What the launch files in launch/ share: arguments, one process for each node or one for all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition, UnlessCondition
+from launch.substitutions import LaunchConfiguration
+from plsing_ros.parameters.config_files import config_file
+
+_SWITCH = ["true", "false"]
+# Where a node listens that takes the estimated 3-D lines.
+COMPLETED = {"line_features": "completed_line_features"}
+
+
+def describe_nodes(*names: str, remappings: Mapping[str, Mapping[str, str]]) -> LaunchDescription:
+    """Return a description that starts nodes.
+
+    Args:
+        names: Executables, which are the nodes' names as well.
+        remappings: For a node new names of topics by their old ones.
+    """
+    arguments = [
+        DeclareLaunchArgument(
+            "params_file",
+            default_value=str(config_file("paper_p4l.yaml")),
+            description="Parameter file with the scene and the target",
+        ),
+        DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes"),
+        DeclareLaunchArgument(
+            "use_sim_time", default_value="false", choices=_SWITCH, description="Whether the time is that of /clock"
+        ),
+        DeclareLaunchArgument(
+            "autostart",
+            default_value="true",
+            choices=_SWITCH,
+            description="Whether the nodes activate themselves; false: a lifecycle manager does",
+        ),
+        DeclareLaunchArgument(
+            "container", default_value="false", choices=_SWITCH, description="Whether one process runs all nodes"
+        ),
+    ]
+    switches = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=bool) for name in ("use_sim_time", "autostart")
+    }
+    common = {
+        "package": "plsing_ros",
+        "namespace": LaunchConfiguration("namespace"),
+        "parameters": [LaunchConfiguration("params_file"), switches],
+        "output": "screen",
+    }
+    alone = [
+        Node(
+            executable=name,
+            name=name,
+            remappings=list(remappings.get(name, {}).items()),
+            condition=UnlessCondition(LaunchConfiguration("container")),
+            **common,
+        )
+        for name in names
+    ]
+    rules = [f"{name}:{old}:={new}" for name, topics in remappings.items() for old, new in topics.items()]
+    together = Node(
+        executable="container",
+        arguments=list(names),
+        ros_arguments=[word for rule in rules for word in ("-r", rule)],
+        condition=IfCondition(LaunchConfiguration("container")),
+        **common,
+    )
+    return LaunchDescription([*arguments, *alone, together])
