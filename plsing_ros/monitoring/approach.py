@@ -66,6 +66,9 @@ class ApproachTable:
         self._is_empty = len(self._kinds) == len(singular.lines)
         self._direction = np.zeros((len(self._kinds), 3))
         self._direction[: len(singular.transversals)] = singular.transversal_lines[1]
+        for row, curve in enumerate(singular.curves, start=len(self._kinds) - len(singular.curves)):
+            if curve.kind is Kind.STRAIGHT_LINE:
+                self._direction[row] = curve.axes[0]
 
     def nearest(self, arrays: DistanceArrays) -> LocusDistance | None:
         """Return the nearest part, or None if there is none."""

@@ -19,7 +19,7 @@ from plsing_ros.singularities import Kind, SingularSet
 _DISTANCES = {
     "transversal_distance": (Kind.TRANSVERSAL,),
     "isolated_point_distance": (Kind.ISOLATED_POINT,),
-    "surface_distance": (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC),
+    "surface_distance": (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC, Kind.STRAIGHT_LINE, Kind.CONIC),
 }
 _CONDITION, _RELATIVE = "inverse_condition_number", "relative_inverse_condition_number"
 _CRITICAL_CONDITION = "the critical inverse condition number"
@@ -78,7 +78,7 @@ class Indicators:
         for name, kinds in _DISTANCES.items():
             rows = [i for i, kind in enumerate(singular.locus_kinds) if kind in kinds]
             if rows:
-                # The loci of a kind are next to each other.
+                # Loci of one threshold are next to each other.
                 self._distances.append((name, rows[0], rows[-1] + 1, self._thresholds[name]))
 
     def measured(self, numbers: Conditioning, target_inverse: float | None, distance: Array | None) -> list[Indicator]:

@@ -35,6 +35,9 @@ _LOCUS_KINDS = {
     Kind.PLANE: LocusDistanceMessage.KIND_PLANE,
     Kind.QUADRIC: LocusDistanceMessage.KIND_QUADRIC,
     Kind.CUBIC: LocusDistanceMessage.KIND_CUBIC,
+    Kind.STRAIGHT_LINE: LocusDistanceMessage.KIND_STRAIGHT_LINE,
+    Kind.CONIC: LocusDistanceMessage.KIND_CONIC,
+    Kind.EVERYWHERE: LocusDistanceMessage.KIND_EVERYWHERE,
 }
 
 
