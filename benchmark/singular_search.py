@@ -57,7 +57,7 @@ def singular_centers(
         slope = np.einsum("krp,kra->kpa", left[:, :, 5:], np.stack(slopes, axis=2))
         square = np.einsum("kpa,kpb->kab", slope, slope)
         damping = _DAMPING * np.trace(square, axis1=1, axis2=2) + 1e-200
-        square += damping[:, np.newaxis, np.newaxis] * np.eye(3)
+        square[:, np.arange(3), np.arange(3)] += damping[:, np.newaxis]
         step = -np.linalg.solve(square, (slope[:, 0] * values[:, -1:])[:, :, np.newaxis])[:, :, 0]
         size = np.linalg.norm(step, axis=1, keepdims=True)
         longest = 0.5 * (1.0 + np.linalg.norm(centers, axis=1, keepdims=True))

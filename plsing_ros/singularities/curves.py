@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, vector_text
+from plsing_ros.arrays import Array, cross, vector_text
 from plsing_ros.singularities.loci import Kind
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.screw_axes import FlatSet
@@ -38,6 +38,12 @@ class Curve:
         if self.kind is Kind.STRAIGHT_LINE:
             return f"{self.name}: {where} along {vector_text(self.axes[0])}"
         first, second = self.axes
+        if self.name.startswith("circle"):
+            square = self.conic[1, 1]
+            middle = -self.conic[1:, 0] / square
+            radius = np.sqrt(max(middle @ middle - self.conic[0, 0] / square, 0.0))
+            center, normal = self.point + middle @ self.axes, cross(first, second)
+            return f"{self.name}: centre {vector_text(center)} m, radius {radius:.6g} m, across {vector_text(normal)}"
         return f"{self.name}: in the plane {where} spanned by {vector_text(first)} and {vector_text(second)}"
 
     @property

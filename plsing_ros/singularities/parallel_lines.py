@@ -1,4 +1,4 @@
-"""Everything that is singular besides transversals in a scene with parallel lines, in closed form.
+"""Everything that is singular besides transversals in a scene with parallel or concurrent lines, in closed form.
 
 Parallel lines leave at most two axis directions of unobservable screws (screw_axes.axes_of_parallel_lines), and the
 centres of each are a point, a straight line, a plane or a conic, or two points. Nothing else can be singular off the
@@ -18,7 +18,12 @@ from plsing_ros.singularities.isolated_points import ComplexArray
 from plsing_ros.singularities.loci import Kind
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
-from plsing_ros.singularities.screw_axes import FlatSet, axes_of_parallel_lines, centers_of_axis
+from plsing_ros.singularities.screw_axes import (
+    FlatSet,
+    axes_of_concurrent_lines,
+    axes_of_parallel_lines,
+    centers_of_axis,
+)
 from plsing_ros.singularities.transversals import TransversalAnalysis
 
 # Scene coordinates up to which a point is on a line or plane, and two of them are one.
@@ -43,13 +48,15 @@ class ScrewLoci:
 
 
 def screws_of_parallel_lines(frame: SceneFrame, analysis: TransversalAnalysis) -> ScrewLoci | None:
-    """Return where a screw is unobservable in a scene with parallel lines; None if there are none.
+    """Return where a screw is unobservable in a scene with parallel or four concurrent lines; None without these.
 
     Args:
         frame: The scene, n >= 4 different lines, not all parallel.
         analysis: Its transversals.
     """
     axes = axes_of_parallel_lines(frame)
+    if axes is None and len(frame.direction) > 4:
+        axes = axes_of_concurrent_lines(frame)
     if axes is None:
         return None
     points: list[ComplexArray] = []

@@ -68,6 +68,60 @@ def axes_of_parallel_lines(frame: SceneFrame) -> Array | None:
     return np.stack([direction, cross(direction, right[0])])
 
 
+def axes_of_concurrent_lines(frame: SceneFrame) -> Array | None:
+    """Return the real axis directions that screws can have that are lost off the lines, shape (k, 3); None if any may.
+
+    With the origin at the point of k concurrent lines, each asks for P w . C = 0: S = C w^T + w C^T, a symmetric matrix
+    of rank two at most, with tr S = u . S u. For four lines or more these leave a pencil of matrices, one, or none.
+
+    Args:
+        frame: The scene; its lines differ and are not all concurrent.
+
+    Source: new, docs/theory.md section "Parallel lines".
+    """
+    rows = _most_concurrent(frame)
+    if len(rows) < 4:
+        return None
+    u = frame.direction[rows]
+    products = u[:, [0, 1, 2, 0, 0, 1]] * u[:, [0, 1, 2, 1, 2, 2]] * [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]
+    _, size, right = np.linalg.svd(products - [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    left = 6 - int((size > _ZERO).sum())
+    if left > 2:
+        return None
+    basis = right[6 - left :][:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+    if left == 2:
+        # det(first + t second), a cubic in t, from four values.
+        places = np.array([-1.0, 0.0, 1.0, 2.0])
+        values = np.linalg.det(basis[0] + places[:, np.newaxis, np.newaxis] * basis[1])
+        roots = np.roots(np.polyfit(places, values, 3))
+        real = roots[np.abs(roots.imag) <= 1e-7 * (1.0 + np.abs(roots))].real
+        candidates = [*(basis[0] + t * basis[1] for t in real), basis[1]]
+    else:
+        candidates = list(basis)
+    axes: list[Array] = []
+    for matrix in candidates:
+        value, vector = np.linalg.eigh(matrix)
+        if abs(value[1]) <= 1e-6 * np.abs(value).max() and value[0] < 0.0 < value[2]:
+            first, second = np.sqrt(value[2]) * vector[:, 2], np.sqrt(-value[0]) * vector[:, 0]
+            axes += [each / np.linalg.norm(each) for each in (first + second, first - second)]
+    return np.array(axes).reshape(-1, 3)
+
+
+def _most_concurrent(frame: SceneFrame) -> list[int]:
+    """Return the rows of the most lines that pass through one point that two of them have in common."""
+    best: list[int] = []
+    for i in range(len(frame.direction)):
+        for j in range(i):
+            normal = cross(frame.direction[i], frame.direction[j])
+            square, offset = float(normal @ normal), frame.point[j] - frame.point[i]
+            if square > _ZERO and abs(offset @ normal) <= _ZERO * np.sqrt(square):
+                place = frame.point[i] + (cross(offset, frame.direction[j]) @ normal) / square * frame.direction[i]
+                apart = np.linalg.norm(cross(frame.point - place, frame.direction), axis=1)
+                rows = np.flatnonzero(apart <= _ZERO * (1.0 + float(np.linalg.norm(place)))).tolist()
+                best = rows if len(rows) > len(best) else best
+    return best
+
+
 def centers_of_axis(frame: SceneFrame, axis: Array) -> FlatSet | None:
     """Return the centres on no line at which a screw along an axis direction is lost; None if there are none.
 

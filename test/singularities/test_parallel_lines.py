@@ -127,3 +127,18 @@ def test_two_classes_that_disagree_leave_nothing():
     """Three edges each of two directions: the motion would have to turn about both."""
     singular = singular_set(line_set(edges(0, 1, 2, 4, 5, 6)))
     assert singular.isolated_status is IsolatedStatus.NONE
+
+
+@pytest.mark.parametrize(("count", "others"), [(4, 1), (5, 1), (4, 2)])
+def test_concurrent_lines_and_others(count, others):
+    """Edges of a spire and lines beside it: the plane of each other line and the tip, and points, are all there is."""
+    generator = np.random.default_rng(count + others)
+    points = [*np.zeros((count, 3)), *generator.normal(size=(others, 3))]
+    lines = line_set((points, generator.normal(size=(count + others, 3))))
+    singular = singular_set(lines)
+    assert singular.isolated_status in (IsolatedStatus.FINITE, IsolatedStatus.NONE)
+    assert len(singular.isolated_points) == (2 if (count, others) == (4, 1) else 0)
+    centers = singular_centers(lines)
+    assert len(centers) > 5
+    for center in centers:
+        assert singular.nearest_locus(center).distance < 1e-5 * (1.0 + np.linalg.norm(center))
