@@ -7,7 +7,7 @@ export PYTHON
 
 RUN := $(PYTHON) tools/environment.py run
 
-.PHONY: help demo paper docs test test-quick test-noble coverage bench lint clean setup python noble-python
+.PHONY: help demo paper docs test test-quick test-noble test-sanitized coverage bench lint clean setup python noble-python
 .DEFAULT_GOAL := help
 
 help:
@@ -15,6 +15,7 @@ help:
 	@echo "make test        run the tests                       ARGS='-k transversals' is passed to pytest"
 	@echo "make test-quick  run the tests of the core that take no ROS and no seconds; ARGS as above"
 	@echo "make test-noble  the same with Ubuntu 24.04's numpy, scipy, ..., on Python 3.12"
+	@echo "make test-sanitized  the native core's tests, compiled with AddressSanitizer and UBSan"
 	@echo "make paper       run the paper's experiments and write docs/results/paper.md      ARGS=... is passed to it"
 	@echo "make docs        build the documentation into build/docs/html; a warning is an error"
 	@echo "make bench       measure the speed                   ARGS=... is passed to it"
@@ -46,6 +47,9 @@ coverage: python
 test-noble: noble-python
 	@$(NOBLE_PYTHON) tools/environment.py --noble run python3 -m pytest $(ARGS)
 
+test-sanitized: python
+	@$(RUN) tools/test_sanitized.sh $(ARGS)
+
 paper: python
 	@$(RUN) python3 -m paper $(ARGS)
 
@@ -66,7 +70,7 @@ setup: python
 
 clean:
 	rm -rf .venv .venv-* build install log demo_output paper_output
-	rm -f plsing_ros/*.so
+	rm -f plsing_ros/*.so plsing_ros/_core/*.so
 	rm -rf .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 

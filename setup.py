@@ -1,26 +1,56 @@
 import importlib.util
-import sysconfig
+import shutil
+import sys
 from pathlib import Path
 
 from setuptools import Extension, find_packages, setup
+from setuptools.command.build_ext import build_ext
 
 NAME = "plsing_ros"
 SHARE = Path("share") / NAME
-KERNELS = Path(NAME) / "kernels"
 CORE = Path(NAME) / "_core"
 
 
 def header_folders() -> list[str]:
     """Return where Eigen and pybind11 are: in wheels if they are installed, else in the system's folder."""
-    folders = ["/usr/include/eigen3"]
-    eigen = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix" / "include" / "eigen3"
-    if eigen.is_dir():
-        folders.insert(0, str(eigen))
+    wheels = [Path(folder) / "cmeel.prefix" / "include" / "eigen3" for folder in sys.path]
+    folders = [*map(str, filter(Path.is_dir, wheels)), "/usr/include/eigen3"]
     if importlib.util.find_spec("pybind11"):
         import pybind11
 
         folders.insert(0, pybind11.get_include())
     return folders
+
+
+def is_outdated(built: str, source: str) -> bool:
+    """Return whether an object file is older than its source or than a header."""
+    newest = max(file.stat().st_mtime for file in (Path(source), *CORE.glob("*.hpp")))
+    return not Path(built).exists() or Path(built).stat().st_mtime < newest
+
+
+class BuildCore(build_ext):
+    """Compiles the native core, or says what is missing for it."""
+
+    def build_extensions(self) -> None:
+        compiler = self.compiler.compiler_cxx[0]
+        headers = ["Eigen/Core", "pybind11/pybind11.h"]
+        searched = [*header_folders(), "/usr/include", "/usr/local/include"]
+        missing = [name for name in headers if not any(Path(folder, name).exists() for folder in searched)]
+        if shutil.which(compiler) is None:
+            missing.insert(0, f"the C++ compiler {compiler}")
+        if missing:
+            raise SystemExit(
+                f"plsing_ros cannot be compiled without {' and '.join(missing)}: "
+                "sudo apt install g++ libeigen3-dev pybind11-dev"
+            )
+        super().build_extensions()
+
+
+if importlib.util.find_spec("pybind11"):
+    from pybind11.setup_helpers import ParallelCompile
+
+    # setuptools compiles every file anew, one after the other.
+    ParallelCompile(needs_recompile=is_outdated, default=2).install()
 
 
 def shared_files() -> list[tuple[str, list[str]]]:
@@ -41,7 +71,8 @@ setup(
         (str(SHARE), ["package.xml"]),
         *shared_files(),
     ],
-    package_data={NAME: ["py.typed"], f"{NAME}._core": ["*.pyi"], f"{NAME}.kernels": ["*.pyi"]},
+    package_data={NAME: ["py.typed"], f"{NAME}._core": ["*.pyi"]},
+    cmdclass={"build_ext": BuildCore},
     ext_modules=[
         Extension(
             f"{NAME}._core.compiled",
@@ -49,16 +80,7 @@ setup(
             include_dirs=header_folders(),
             depends=[str(file) for file in sorted(CORE.glob("*.hpp"))],
             language="c++",
-            extra_compile_args=["-std=c++17", "-O2", "-g0", "-fvisibility=hidden"],
-        ),
-        # Without a C compiler the package works all the same, slower (plsing_ros/kernels/).
-        Extension(
-            f"{NAME}.kernels.compiled",
-            [str(file) for file in sorted(KERNELS.glob("*.c"))],
-            depends=[str(KERNELS / "kernels.h")],
-            extra_compile_args=["-O2", "-fvisibility=hidden"],
-            libraries=["m"],
-            optional=True,
+            extra_compile_args=["-std=c++17", "-O2", "-g0", "-Wno-maybe-uninitialized", "-fvisibility=hidden"],
         ),
     ],
     install_requires=["numpy>=1.26,<3", "scipy>=1.11,<2"],

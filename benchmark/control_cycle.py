@@ -9,12 +9,10 @@ import numpy as np
 
 from benchmark import visp
 from benchmark.timing import median_seconds
-from plsing_ros import kernels
 from plsing_ros.control.plain_law import plain_twist
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.features import LineObservation, decompose, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.kernels import of_numpy
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import ControllerParameters, MonitorParameters
 
@@ -31,8 +29,7 @@ OWN_NAMES = ("step", "input", "guarded", "core", "numpy", "monitor")
 def main() -> None:
     """Measure and print."""
     with visp.compiled() as peer:
-        print(f"ViSP: {peer if isinstance(peer, str) else f'{peer.version}, its own vpFeatureLine and vpServo, C++'}")
-        print(f"our inner loops: {'compiled' if kernels.svd is not of_numpy.svd else 'numpy, not compiled'}\n")
+        print(f"ViSP: {peer if isinstance(peer, str) else f'{peer.version}, its own vpFeatureLine and vpServo, C++'}\n")
         print("median of one control step [us]")
         print("  step:    ServoController.step, with everything that its state says")
         print("  input:   LineObservation.from_rows, the checks of what comes from outside")
@@ -85,8 +82,7 @@ def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
         return asked.twist, float(asked.values[-1] / asked.values[0])
 
     def textbook() -> tuple[np.ndarray, float]:
-        matrix = np.empty((3 * len(seen), 6))
-        of_numpy.interaction_matrix(seen.direction, seen.moment, matrix, 1e-9)
+        matrix = _interaction_matrix_of_numpy(seen)
         return -GAIN * np.linalg.pinv(matrix) @ (project_lines(seen) - target), 1.0 / np.linalg.cond(matrix)
 
     candidates = (
@@ -98,3 +94,11 @@ def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
         lambda: monitor.answer(observation, NOW, NOW),
     )
     return dict(zip(OWN_NAMES, candidates, strict=True))
+
+
+def _interaction_matrix_of_numpy(seen: LineSet) -> np.ndarray:
+    depth = np.hypot(seen.moment[:, 0], seen.moment[:, 1])[:, np.newaxis, np.newaxis]
+    image = seen.moment[:, :, np.newaxis] / depth
+    rate = np.concatenate([np.cross(np.eye(3), each[:, np.newaxis]) for each in (seen.direction, seen.moment)], axis=2)
+    across = (image[:, :2] * rate[:, :2]).sum(axis=1, keepdims=True)
+    return ((rate - image * across) / depth).reshape(-1, 6)

@@ -69,6 +69,7 @@ def _where_time_goes() -> None:
     frame = SceneFrame.of(lines)
     direction, point = frame.direction[np.newaxis], frame.point[np.newaxis]
     square = np.random.default_rng(0).normal(size=(1, 10, 10))
+    larger = np.random.default_rng(0).normal(size=(1, 20, 20))
     ten = solve_ten_points(direction, point).center[0]
     parts: dict[str, Callable[[], object]] = {
         "singular_set": lambda: singular_set(lines),
@@ -76,6 +77,7 @@ def _where_time_goes() -> None:
         "transversals": lambda: analyze_transversals(frame),
         "scene frame": lambda: SceneFrame.of(lines),
         "a 10 x 10 eigenproblem alone": lambda: np.linalg.eig(square),
+        "a 20 x 20 eigenproblem alone": lambda: np.linalg.eig(larger),
         "residuals of ten points": lambda: singularity_residuals(frame.point, frame.direction, ten),
     }
     medians = median_seconds(parts, rounds=300)

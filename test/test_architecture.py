@@ -17,7 +17,6 @@ AT_IMPORT = {"numpy", "scipy"}
 
 # Each room may import itself and those before it.
 ORDER = [
-    "kernels",
     "_core",
     "geometry",
     "features",

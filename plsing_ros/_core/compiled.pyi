@@ -12,6 +12,7 @@ import numpy.typing as npt
 from plsing_ros.arrays import Array, BoolArray
 
 IndexArray = npt.NDArray[np.intp]
+ComplexArray = npt.NDArray[np.complex128]
 
 # lines.cpp
 
@@ -583,3 +584,104 @@ class FilterState:
         Source: the iterated extended Kalman filter (Bell, Cathey 1993) on SO(3) x R^3, with the map's errors considered
         but not estimated (Schmidt 1966); docs/filter.md.
         """
+
+# singularity.cpp
+
+def scene_coordinates(
+    direction: Array, foot: Array, concurrent: float, smallest: float
+) -> tuple[Array, Array, Array] | None:
+    """Return the scene frames of S scenes of n lines; None if one is not finite.
+
+    Args:
+        direction: Unit directions, shape (S, n, 3).
+        foot: A point on each line, shape (S, n, 3) [m].
+        concurrent: Share of the centre's distance to the origin up to which a mean distance is that of concurrent
+            lines,
+        smallest: and the same for centres near the origin [m].
+
+    Returns:
+        Centres, the points with the smallest sum of squared distances to the lines, shape (S, 3) [m], where parallel
+        lines leave it free along them the one nearest to the mean of the feet; the mean distance of the lines to it,
+        0 for concurrent lines, shape (S,) [m]; the point of each line closest to the centre, from there and in that
+        unit, in metres for concurrent lines, shape (S, n, 3).
+    """
+
+def singularity_ratios(direction: Array, point: Array, centers: ComplexArray, on_line: float) -> tuple[Array, Array]:
+    """Return the smallest over the largest singular value of the rank basis about k centres, and distances, (k,) each.
+
+    As exact as rounding of the rank basis allows.
+
+    Args:
+        direction: Unit directions, shape (1, n, 3), or (k, n, 3) if each centre has lines of its own; n >= 3.
+        point: A point on each line, of the same shape.
+        centers: Camera centres, shape (k, 3).
+        on_line: Distance up to which a centre is on a line, in the root mean square one.
+
+    Returns:
+        The ratios, 1 for a centre that is not finite or so far that products of lengths overflow; the distance of the
+        nearest line, in the root mean square distance, infinite for those.
+    """
+
+def rank_basis(direction: Array, point: Array, center: Array, on_line: float) -> Array:
+    """Return the row-normalised xi about a centre, shape (2n, 6), NaN where products of lengths overflow.
+
+    First the n rows [f_i, |f_i|^2 u_i], then the n rows [0, m_i], lengths in the root mean square distance from the
+    centre to the lines; zero for a line that the centre is on.
+
+    Args:
+        direction: Unit directions, shape (n, 3).
+        point: A point on each line, shape (n, 3).
+        center: Shape (3,).
+        on_line: As for singularity_ratios.
+
+    Source: eq. basiseta.
+    """
+
+# isolated_points.cpp
+
+def isolated_points(
+    direction: Array,
+    point: Array,
+    forms: Array,
+    samples: Array,
+    interpolate: Array,
+    multiply: Array,
+    on_line: float,
+    merged: float,
+    at_infinity: float,
+) -> tuple[ComplexArray, ComplexArray, ComplexArray, Array, Array]:
+    """Return the ten isolated singularities of each of S scenes of four lines, before Newton's method.
+
+    Args:
+        direction: Unit directions, shape (S, 4, 3).
+        point: The point of each line closest to the scene's centre, scene coordinates, shape (S, 4, 3).
+        forms: Two linear forms of the axis direction, numerator and denominator, shape (2, 3).
+        samples: Axis directions at which quartics are evaluated, shape (15, 3).
+        interpolate: From values there to coefficients, shape (15, 15).
+        multiply: From the coefficients of a functional on quartics to its values at x, y and z times each of the ten
+            cubic monomials, shape (3, 10, 15).
+        on_line: As for singularity_ratios; a centre on a line has residual 1.
+        merged: A residual over the distance of the nearest line above this counts as 1, too.
+        at_infinity: |C_0| up to which a centre is at infinity.
+
+    Returns:
+        Centres, shape (S, 10, 3), NaN at infinity and where a direction leaves more than one; homogeneous centres
+        (C_0, C) of unit length, shape (S, 10, 4), zero where there is more than one; axis directions, shape
+        (S, 10, 3); singularity ratios of the centres, 1 where there is none, shape (S, 10); how far the five quartics
+        are from being dependent, in [0, 1], shape (S,), NaN if not finite. The second of a pair of conjugates follows
+        the first.
+
+    Source: singularities/isolated_points.py.
+    """
+
+def tell_points_apart(h: ComplexArray, center: ComplexArray, max_imaginary: float) -> tuple[BoolArray, Array]:
+    """Return which of ten points are real, shape (S, 10), and how near the nearest two are, shape (S,).
+
+    Args:
+        h: Homogeneous centres of unit length, shape (S, 10, 4).
+        center: Centres, shape (S, 10, 3).
+        max_imaginary: Largest imaginary part of a real point, relative to 1 plus its largest component.
+
+    Returns:
+        Real ones, never those that are NaN; the largest modulus of the inner product of two of the ten.
+    """

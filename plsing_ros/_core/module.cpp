@@ -10,6 +10,8 @@ void bind_pose_estimation(py::module_ &module);
 void bind_tracking(py::module_ &module);
 void bind_proximity(py::module_ &module);
 void bind_pose_filter(py::module_ &module);
+void bind_singularity(py::module_ &module);
+void bind_isolated_points(py::module_ &module);
 }  // namespace plsing
 
 PYBIND11_MODULE(compiled, module)
@@ -23,4 +25,6 @@ PYBIND11_MODULE(compiled, module)
     plsing::bind_tracking(module);
     plsing::bind_proximity(module);
     plsing::bind_pose_filter(module);
+    plsing::bind_singularity(module);
+    plsing::bind_isolated_points(module);
 }

@@ -13,10 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros import kernels
 from plsing_ros.arrays import Array, cross
-from plsing_ros.kernels import of_numpy
-from plsing_ros.kernels.newton import equations, solve, unit
 
 _IDENTITY = np.eye(3)
 # a @ _MINUS_SKEW, as a 3 x 3 matrix, is minus_skew(a).
@@ -73,8 +70,8 @@ def motions_from_centers(tensor: Array, h: npt.NDArray[Any], w: npt.NDArray[Any]
     rows = (h[:, np.newaxis, :] @ tensor[:, :, :4].reshape(len(h), 4, 24)).reshape(len(h), 4, 6)
     f = rows[:, :, :3]
     adjoint = f.conj().swapaxes(1, 2)
-    v = solve(adjoint @ f, adjoint @ (rows[:, :, 3:] @ -w[:, :, np.newaxis]))[..., 0]
-    return unit(np.concatenate([v, w], axis=1))
+    v = _solved(adjoint @ f, adjoint @ (rows[:, :, 3:] @ -w[:, :, np.newaxis]))[..., 0]
+    return _unit(np.concatenate([v, w], axis=1))
 
 
 def newton(
@@ -83,6 +80,8 @@ def newton(
     h: npt.NDArray[Any],
     k: npt.NDArray[Any],
     enough: float = 0.0,
+    steps: int = _STEPS,
+    small: float = _SMALL_STEP,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     """Return zeros (h, k) of A(h) k = 0 near the given ones.
 
@@ -93,18 +92,64 @@ def newton(
         scene: The scene of each start, shape (k,).
         h: Homogeneous centres, shape (k, 4).
         k: Motions, shape (k, 6).
-        enough: |A(h) k| below which one more step is the last.
+        enough: |A(h) k| before a step that makes it the last.
+        steps: At most so many.
+        small: Length of a step that makes it the last.
     """
-    own = np.asarray(tensor[scene], dtype=complex)
-    limits = _STEPS, enough, _SMALL_STEP, _LONGEST_STEP
     x, y = np.array(h, dtype=complex), np.array(k, dtype=complex)
-    if tensor.shape[2] == 8 and kernels.bilinear_newton(own, x, y, *limits):
-        return x, y
-    x, y = np.array(h, dtype=complex), np.array(k, dtype=complex)
-    of_numpy.bilinear_newton(own, x, y, *limits)
+    active = np.arange(len(x))
+    for _ in range(steps):
+        jacobian, value = _equations(tensor[scene[active]], x[active], y[active])
+        change = _solved(jacobian, value)[..., 0]
+        with np.errstate(over="ignore", invalid="ignore"):
+            length = np.sqrt((change.real**2 + change.imag**2).sum(axis=1))
+        # A longer step says nothing: the Jacobian is numerically singular.
+        taken = length < _LONGEST_STEP
+        change[~taken] = 0.0
+        x[active], y[active] = _unit(x[active] - change[:, :4]), _unit(y[active] - change[:, 4:])
+        left = np.sqrt(np.einsum("kij,kij->k", value, value.conj()).real)
+        active = active[taken & (length > small) & (left > enough)]
+        if len(active) == 0:
+            break
     return x, y
 
 
 def jacobians(tensor: Array, scene: npt.NDArray[np.intp], h: npt.NDArray[Any], k: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the derivatives of (A(h) k, |h|^2 / 2, |k|^2 / 2) by (h, k), shape (count, 2n + 2, 10)."""
-    return equations(tensor[scene], h, k)[0]
+    return _equations(tensor[scene], h, k)[0]
+
+
+def _equations(
+    a: npt.NDArray[Any], h: npt.NDArray[Any], k: npt.NDArray[Any]
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Return the Jacobians of A(h) k by (h, k), with the two scales fixed, and the values with two zeros below.
+
+    Shapes (k, 2n + 2, 10) and (k, 2n + 2, 1).
+    """
+    count, _, rows, _ = a.shape
+    of_h = np.matmul(a, k[:, np.newaxis, :, np.newaxis])[..., 0]
+    jacobian = np.zeros((count, rows + 2, 10), dtype=h.dtype)
+    jacobian[:, :rows, :4] = of_h.swapaxes(1, 2)
+    jacobian[:, :rows, 4:] = np.matmul(h[:, np.newaxis, :], a.reshape(count, 4, rows * 6)).reshape(count, rows, 6)
+    jacobian[:, rows, :4] = h.conj()
+    jacobian[:, rows + 1, 4:] = k.conj()
+    value = np.zeros((count, rows + 2, 1), dtype=h.dtype)
+    value[:, :rows] = np.matmul(h[:, np.newaxis, :], of_h).swapaxes(1, 2)
+    return jacobian, value
+
+
+def _solved(matrix: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the solutions of stacked systems (k, m, n) x = (k, m, 1), in the sense of least squares for m > n."""
+    if matrix.shape[1] != matrix.shape[2]:
+        return np.asarray(np.linalg.pinv(matrix) @ right)
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        # One exactly singular matrix fails the whole stack; the pseudo-inverse gives every one its best answer.
+        return np.asarray(np.linalg.pinv(matrix) @ right)
+
+
+def _unit(vectors: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return vectors (k, n) of unit length; a zero vector stays zero."""
+    length = np.sqrt(np.einsum("ki,ki->k", vectors, vectors.conj()).real)[:, np.newaxis]
+    return np.asarray(vectors / np.maximum(length, np.finfo(float).tiny))

@@ -24,10 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray
 from plsing_ros.singularities.bilinear_system import bilinear_tensor, motions_from_centers, newton
-from plsing_ros.singularities.lapack import eigenvectors_up
 from plsing_ros.singularities.residual import residuals_and_distances
 from plsing_ros.singularities.ternary_forms import basis_values, half_sphere_points, multiplication_maps
 
@@ -68,7 +67,6 @@ _FORMS = np.array(
         [[-0.28, 0.79, 0.55], [0.66, 0.17, -0.73]],
     ]
 )
-_TRY_FORMS = np.einsum("tfa,aij->tfij", _FORMS, _MULTIPLY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,39 +96,30 @@ def solve_ten_points(direction: Array, point: Array) -> TenPoints:
         direction: Unit directions, shape (S, 4, 3).
         point: The point of each line closest to the scene's centre, scene coordinates, shape (S, 4, 3).
     """
-    functionals, margin = np.empty((len(direction), 10, 15)), np.empty(len(direction))
-    kernels.quartic_functionals(direction, point, _SAMPLES, _INTERPOLATE, functionals, margin)
-    found = _from_functionals(functionals, margin, direction, point, _TRY_FORMS[0])
-    for forms in _TRY_FORMS[1:]:
+    found = _solve(direction, point, _FORMS[0])
+    for forms in _FORMS[1:]:
         if found.complete.all():
             break
         failed = np.flatnonzero(~found.complete)
-        again = _from_functionals(functionals[failed], margin[failed], direction[failed], point[failed], forms)
+        again = _solve(direction[failed], point[failed], forms)
         better = again.complete | (again.residual.max(axis=1) < found.residual[failed].max(axis=1))
         for name in ("center", "real", "residual", "complete"):
             getattr(found, name)[failed[better]] = getattr(again, name)[better]
     return found
 
 
-def _from_functionals(functionals: Array, margin: Array, direction: Array, point: Array, forms: Array) -> TenPoints:
-    """Solve the eigenproblems for one pair of linear forms and turn eigenvectors into camera centres."""
-    numerator, denominator = forms[:, np.newaxis] @ functionals.swapaxes(1, 2)
-    # A wrong result is caught by the residuals below.
-    imaginary, vectors = eigenvectors_up(denominator, numerator)
-    count = len(vectors)
-    w, h, center = (np.empty((count, size), dtype=complex) for size in (3, 4, 3))
-    kernels.axis_centers(imaginary, functionals, _MULTIPLY, direction, point, vectors, w, h, center, _AT_INFINITY)
-    if len(direction) > 1:
-        # The lines of the scene of each point.
-        scene = (imaginary >= 0.0).nonzero()[0]
-        direction, point = direction[scene], point[scene]
-    residual = _residuals(center, direction, point)
-    rough = (residual > _POLISHED) & ~np.isnan(center[:, 0])
+def _solve(direction: Array, point: Array, forms: Array) -> TenPoints:
+    """Solve with one pair of linear forms, polish what is rough, and judge the ten of each scene as a whole."""
+    center, h, w, residual, margin = _core.isolated_points(
+        direction, point, forms, _SAMPLES, _INTERPOLATE, _MULTIPLY, _ON_LINE, _MERGED, _AT_INFINITY
+    )
+    rough = (residual > _POLISHED) & ~np.isnan(center[:, :, 0])
     if rough.any():
-        if len(direction) > 1:
-            direction, point = direction[rough], point[rough]
-        h[rough], center[rough], residual[rough] = _polished(h[rough], w[rough], direction, point)
-    return _ten(imaginary, h, center, residual, margin)
+        scene = rough.nonzero()[0]
+        h[rough], center[rough], residual[rough] = _polished(h[rough], w[rough], direction[scene], point[scene])
+    real, overlap = _core.tell_points_apart(h, center, _REAL)
+    distinct = overlap < 1.0 - 0.5 * _SEPARATION**2
+    return TenPoints(center, real, residual, distinct & (residual.max(axis=1) <= RESIDUAL_TOLERANCE), margin)
 
 
 def _residuals(center: ComplexArray, direction: Array, point: Array) -> Array:
@@ -143,10 +132,9 @@ def _residuals(center: ComplexArray, direction: Array, point: Array) -> Array:
 def _polished(
     h: ComplexArray, w: ComplexArray, direction: Array, point: Array
 ) -> tuple[ComplexArray, ComplexArray, Array]:
-    """Return homogeneous centres, centres and residuals after Newton's method."""
+    """Return homogeneous centres, centres and residuals after Newton's method, of one scene each."""
     tensor = bilinear_tensor(direction, point)
-    scene = np.arange(len(h)) if len(tensor) > 1 else np.zeros(len(h), dtype=np.intp)
-    found = newton(tensor, scene, h, motions_from_centers(tensor[scene], h, w))[0]
+    found = newton(tensor, np.arange(len(h)), h, motions_from_centers(tensor, h, w))[0]
     # One that went far has found another kind of singularity, on a transversal for example.
     far = np.abs(np.einsum("ki,ki->k", found, h.conj())) < 1.0 - _MOVED
     found[far] = h[far]
@@ -154,14 +142,3 @@ def _polished(
     finite = np.abs(found[:, 0]) > _AT_INFINITY
     center[finite] = found[finite, 1:] / found[finite, :1]
     return found, center, _residuals(center, direction, point)
-
-
-def _ten(imaginary: Array, h: ComplexArray, center: ComplexArray, residual: Array, margin: Array) -> TenPoints:
-    """Fill in the conjugates that were left out, and judge the ten of each scene as a whole."""
-    scenes = len(margin)
-    ten, overlap = np.empty((scenes, 10, 3), dtype=complex), np.empty(scenes)
-    residuals, real = np.empty((scenes, 10)), np.empty((scenes, 10))
-    kernels.with_conjugates(imaginary, h, center, residual, ten, residuals, real, overlap, _REAL)
-    distinct = overlap < 1.0 - 0.5 * _SEPARATION**2
-    complete = distinct & (residuals.max(axis=1) <= RESIDUAL_TOLERANCE)
-    return TenPoints(ten, real > 0.0, residuals, complete, margin)

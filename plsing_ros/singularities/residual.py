@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array
-from plsing_ros.kernels.singularity import normalized_rank_basis as rows_about
 
 # Share of the mean distance below which the distance of a centre to a line is rounding: the centre is on that line.
 _ON_LINE = 1e-12
@@ -43,11 +42,9 @@ def residuals_and_distances(point: Array, direction: Array, centers: npt.NDArray
 
     Lines (k, n, 3) if each centre has its own, else (1, n, 3).
     """
-    residual, distance = np.zeros(len(centers)), np.ones(len(centers))
-    if point.shape[1] >= 3:
-        own = np.ascontiguousarray(centers, dtype=complex)
-        kernels.singularity_ratios(direction, point, own, residual, distance, _ON_LINE)
-    return residual, distance
+    if point.shape[1] < 3:
+        return np.zeros(len(centers)), np.ones(len(centers))
+    return _core.singularity_ratios(direction, point, np.ascontiguousarray(centers, dtype=complex), _ON_LINE)
 
 
 def normalized_rank_basis(point: Array, direction: Array, center: Array) -> Array:
@@ -60,6 +57,4 @@ def normalized_rank_basis(point: Array, direction: Array, center: Array) -> Arra
         direction: Unit directions, of the same shape.
         center: Shape (3,).
     """
-    lines = direction[np.newaxis], point[np.newaxis]
-    xi: Array = rows_about(*lines, center[np.newaxis], _ON_LINE)[0][0]
-    return xi
+    return _core.rank_basis(direction, point, center, _ON_LINE)

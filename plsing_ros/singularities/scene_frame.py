@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from plsing_ros import kernels
+from plsing_ros import _core
 from plsing_ros.arrays import Array, cross
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet
@@ -95,9 +95,7 @@ def scene_coordinates(direction: Array, foot: Array) -> tuple[Array, Array, Arra
     Raises:
         GeometryError: If lengths are so large that they overflow.
     """
-    scenes = len(direction)
-    center, length, relative = np.empty((scenes, 3)), np.empty(scenes), np.empty(direction.shape)
-    limits = CONCURRENCY_TOLERANCE, _MIN_LENGTH
-    if not kernels.scene_coordinates(direction, foot, center, length, relative, *limits):
+    coordinates = _core.scene_coordinates(direction, foot, CONCURRENCY_TOLERANCE, _MIN_LENGTH)
+    if coordinates is None:
         raise GeometryError("the lines are too far apart for their scene frame to be finite")
-    return center, length, relative
+    return coordinates

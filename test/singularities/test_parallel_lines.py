@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from singular_scenes import box_edges, distance_to_line, line_set, min_ratio
 
-from plsing_ros.kernels import of_numpy
 from plsing_ros.singularities import IsolatedStatus, Kind, singular_set
-from plsing_ros.singularities.bilinear_system import bilinear_tensor
+from plsing_ros.singularities.bilinear_system import bilinear_tensor, newton
 from plsing_ros.singularities.scene_frame import SceneFrame
 
 X, Y, Z = np.eye(3).tolist()
@@ -26,7 +25,7 @@ def singular_centers(lines, starts=300):
     tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis]).astype(complex)
     h, k = (generator.normal(size=(starts, size)).astype(complex) for size in (4, 6))
     h[:, 0] = 1.0
-    of_numpy.bilinear_newton(np.repeat(tensor, starts, axis=0), h, k, 60, 0.0, 1e-12, 3.0)
+    h, _ = newton(tensor, np.zeros(starts, dtype=int), h, k, steps=60, small=1e-12)
     near = np.abs(h[:, 0]) > 1e-3
     centers = frame.from_scene((h[near, 1:] / h[near, :1]).real)
     away = [min(map(distance_to_line, [c] * len(lines), lines.point, lines.direction)) for c in centers]

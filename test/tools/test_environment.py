@@ -22,7 +22,7 @@ def tree(tmp_path):
         shutil.copytree(ROOT / name, tmp_path / "tree" / name)
     for name in ("package.xml", "setup.py", "setup.cfg"):
         shutil.copy(ROOT / name, tmp_path / "tree")
-    shutil.copytree(ROOT / "plsing_ros" / "kernels", tmp_path / "tree" / "plsing_ros" / "kernels")
+    shutil.copytree(ROOT / "plsing_ros" / "_core", tmp_path / "tree" / "plsing_ros" / "_core")
     return tmp_path / "tree"
 
 
