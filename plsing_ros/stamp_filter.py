@@ -26,23 +26,29 @@ def stamp_from_seconds(time: float) -> int:
 class StampFilter:
     """Judges stamps of one input: too old, too far ahead, or older than one already accepted.
 
-    A stamp equal to the last one is accepted: it is the same frame, sent again. When the clock itself jumps back (a
-    bag that loops, a simulation that restarts), the memory of earlier stamps is dropped.
+    A stamp equal to the last one is accepted: it is the same frame, sent again. One ahead of the clock counts as of
+    now, so that it does not keep out those that follow. When the clock itself jumps back (a bag that loops, a
+    simulation that restarts), the memory of earlier stamps is dropped.
 
     Attributes:
         what: Name of the input, for the reasons, as a plural noun ("features").
         timeout: Age up to which a stamp is accepted [s].
         future_tolerance: How far ahead of the clock a stamp may be [s].
+        parameter: Name of the parameter that the timeout is, where the first message after a silence that was noticed
+            is refused: else who acts on messages that come more seldom would start and stop without end. Empty: it is
+            accepted.
     """
 
     what: str
     timeout: float
     future_tolerance: float
+    parameter: str = ""
 
     def __post_init__(self) -> None:
         self._last_stamp: int | None = None
         self._last_now: int | None = None
         self._last_problem: str | None = None
+        self._was_silent = False
 
     @property
     def last_stamp(self) -> int | None:
@@ -62,8 +68,24 @@ class StampFilter:
         """
         self._last_problem = self._problem(stamp, now)
         if self._last_problem is None:
-            self._last_stamp = stamp
+            before, self._last_stamp = self._last_stamp, min(stamp, now)
+            if self.parameter and before is not None and self._was_silent:
+                self._last_problem = self._too_seldom((self._last_stamp - before) / _SECOND)
+            self._was_silent = False
         return self._last_problem
+
+    def is_stray(self, stamp: int, now: int) -> bool:
+        """Return whether a message is late, out of order or from the future among good ones: to be left alone.
+
+        Args:
+            stamp: Of the message [ns].
+            now: Of the node clock [ns].
+        """
+        problem = self._problem(stamp, now)
+        if problem is None or self.silence(now) is not None:
+            return False
+        self._last_problem = problem
+        return True
 
     def silence(self, now: int) -> str | None:
         """Return why there is nothing to act on now [ns], or None if the last accepted message is recent enough."""
@@ -73,8 +95,14 @@ class StampFilter:
             return f"no {'usable ' if problem else ''}{self.what} received yet{problem}"
         age = (now - self._last_stamp) / _SECOND
         if age > self.timeout:
+            self._was_silent = True
             return f"no {self.what} for {age:.3g} s, allowed are {self.timeout:g} s{problem}"
         return None
+
+    def _too_seldom(self, gap: float) -> str | None:
+        if gap <= self.timeout:
+            return None
+        return f"{self.what} come every {gap:.3g} s, {self.parameter} is {self.timeout:g} s"
 
     def _problem(self, stamp: int, now: int) -> str | None:
         self.follow_clock(now)

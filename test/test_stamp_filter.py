@@ -63,3 +63,29 @@ def test_a_clock_that_goes_back_by_less_than_the_tolerance_has_not_jumped(fresh)
     assert fresh.last_stamp == NOW
     assert fresh.follow_clock(NOW - 2 * SECOND // 10)
     assert fresh.last_stamp is None
+
+
+def test_a_frame_from_the_near_future_does_not_block_those_before_it(fresh):
+    assert fresh.refusal(NOW + 9 * SECOND // 100, NOW) is None
+    assert fresh.refusal(NOW + 3 * SECOND // 100, NOW + 3 * SECOND // 100) is None
+
+
+@pytest.mark.parametrize("offset", [-SECOND, SECOND, -(SECOND // 20)])
+def test_one_stray_frame_among_good_ones_is_told_from_bad_ones_alone(fresh, offset):
+    assert not fresh.is_stray(NOW, NOW)
+    assert not fresh.is_stray(NOW + SECOND, NOW)  # nothing good has come
+    fresh.refusal(NOW, NOW)
+    assert fresh.is_stray(NOW + offset, NOW)
+    later = NOW + SECOND
+    assert not fresh.is_stray(later + 2 * offset, later)  # nothing good for too long
+    assert not fresh.is_stray(later, later)
+
+
+def test_messages_that_come_too_seldom_are_refused_with_both_numbers():
+    steady = StampFilter("features", 0.2, 0.1, "features_timeout")
+    stamps, answers = [NOW + k * SECOND // 4 for k in range(4)], []
+    for stamp in stamps:
+        steady.silence(stamp - SECOND // 100)
+        answers.append(steady.refusal(stamp, stamp))
+    assert answers == [None, *["features come every 0.25 s, features_timeout is 0.2 s"] * 3]
+    assert steady.refusal(stamps[-1] + SECOND // 10, stamps[-1] + SECOND // 10) is None

@@ -28,7 +28,7 @@ from plsing_ros.stamp_filter import StampFilter, stamp_from_seconds
 
 __all__ = ["MINIMUM_LINES", "Command", "Mode", "ServoController"]
 
-_DISABLED = "switched off by ~/enable"
+_DISABLED = "switched off: by ~/enable, or by the parameter enabled at the start"
 
 
 class ServoController:
@@ -71,7 +71,7 @@ class ServoController:
 
     def _start(self, parameters: ControllerParameters) -> None:
         self.warning = ""
-        self._enabled = True
+        self._enabled = parameters.enabled
         self._target: Target | None = None
         self._cycle: ServoCycle | None = None
         self._refused = ""
@@ -79,7 +79,9 @@ class ServoController:
         self._check = ConsistencyCheck(None)
         self._seen: LineSet | None = None
         self._estimator: PoseEstimator | None = None
-        self._stamp_filter = StampFilter("features", parameters.features_timeout, parameters.future_tolerance)
+        self._stamp_filter = StampFilter(
+            "features", parameters.features_timeout, parameters.future_tolerance, "features_timeout"
+        )
         self.gate = StatusGate(Level[parameters.gate_level], parameters.gate_timeout, parameters.future_tolerance)
         self._parameters: ControllerParameters | None = None
         self.parameters = parameters
@@ -243,6 +245,15 @@ class ServoController:
         command = cycle.command(lines, image, trust, stamp, _covariances(observation, lines.ids))
         unknown = self._check.unknown_ids(observation)
         return command if not unknown else _with_note(command, unknown)
+
+    def is_stray(self, stamp: int, now: int) -> bool:
+        """Return whether a message is late, out of order or from the future among good ones: it changes nothing.
+
+        Args:
+            stamp: Of the message [ns].
+            now: Of the node clock [ns].
+        """
+        return self._stamp_filter.is_stray(stamp, now)
 
     def _not_to_move(self, observation: LineObservation, reaction: str, stamp: int, now: int) -> Command | None:
         if not self._enabled:

@@ -11,6 +11,8 @@ from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
 from plsing_ros.features.observation import LineObservation, LinesVerdict
 
+_MAX_CHARACTERS = 300
+
 
 def observation_from_message(message: Any, frame: str) -> LineObservation:
     """Return the observation that a plsing_msgs/LineFeatureArray in the given frame carries.
@@ -24,7 +26,8 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
     """
     if message.header.frame_id != frame:
         raise ObservationError(
-            f"line features are in frame '{message.header.frame_id}', expected '{frame}' (parameter camera_frame)"
+            f"line features are in frame '{sender_text(message.header.frame_id)}', "
+            f"expected '{frame}' (parameter camera_frame)"
         )
     n = len(message.ids)
     if n == 0:
@@ -67,7 +70,14 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
             f"{max(LinesVerdict)}"
         ) from None
     source = getattr(message, "lines_source", "")
-    return dataclasses.replace(observation, verdict=verdict, verdict_reason=message.lines_reason, lines_source=source)
+    reason = sender_text(message.lines_reason)
+    return dataclasses.replace(observation, verdict=verdict, verdict_reason=reason, lines_source=source)
+
+
+def sender_text(text: str) -> str:
+    """Return what somebody else has sent, fit for a reason: without control characters, of at most 300 characters."""
+    shown = "".join(each if each.isprintable() else " " for each in text[:_MAX_CHARACTERS])
+    return shown if len(text) <= _MAX_CHARACTERS else f"{shown[:-3]}..."
 
 
 def _rows(values: Any) -> Array | None:

@@ -18,6 +18,7 @@ from plsing_ros.control.command import Command, Mode
 from plsing_ros.control.halt_messages import HaltMessages
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import PlsingError
+from plsing_ros.features.feature_message import sender_text
 from plsing_ros.features.target import Target
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
@@ -33,6 +34,7 @@ from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.path_conversions import path_message, target_answer, target_question
+from plsing_ros.nodes.second_publishers import SecondPublishers
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.planning.detour import Plan
 
@@ -47,6 +49,23 @@ _LEVELS = {
 }
 
 
+# What keeps a robot safe: a live change is logged.
+_SAFETY = (
+    "ambiguous_lines",
+    "features_timeout",
+    "future_tolerance",
+    "gate",
+    "latency",
+    "max_",
+    "poor_lines",
+    "slow_scale",
+    "target.min",
+    "tolerance.",
+    "zero_twists",
+)
+
+# How often second publishers are looked for [s].
+_LOOK_PERIOD = 1.0
 # Of a published path.
 _PATH_POSES = 100
 
@@ -58,7 +77,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         super().__init__("controller", ControllerParameters, **options)
         parameters = self.parameters
         # The operator's word outlives what configure makes.
-        self._enabled = True
+        self._enabled = self.parameters.enabled
         self._halt_messages = HaltMessages()
         self._latest: Command | None = None
         self._warning = ""
@@ -78,6 +97,8 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
             self.subscribe(SingularityStatus, "singularity_status", self._on_status, qos.STATUS)
         self._path = self.advertise(Path, "~/planned_path", qos.LATCHED)
         self._plan: Plan | None = None
+        self._others = SecondPublishers(self, ("cmd_twist", "line_features", "singularity_status"))
+        self.create_steady_timer(_LOOK_PERIOD, self._look_for_others)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.serve(SetBool, "~/enable", self._on_enable)
         self.serve(CheckTarget, "~/check_target", self._on_check_target)
@@ -105,11 +126,19 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._command(self._servo.halt(reason), self.now())
 
     def prepare(self, parameters: ControllerParameters) -> Callable[[], None]:
-        """Use changed parameters from the next features on."""
+        """Use changed parameters from the next features on; a change of what keeps the robot safe is logged."""
         change_core = self._servo.prepare(parameters)
+        before, after = self.parameters.values(), parameters.values()
+        changes = [
+            f"parameter {name} changed from {before[name]} to {after[name]}"
+            for name in sorted(after)
+            if name.startswith(_SAFETY) and after[name] != before[name]
+        ]
 
         def put_in_force() -> None:
             change_core()
+            for change in changes:
+                self.report(change, good=True)
             if self.active:
                 self.activate()
 
@@ -117,6 +146,8 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
 
     def _on_features(self, message: LineFeatureArray) -> None:
         stamp = nanoseconds(message.header.stamp)
+        if self._servo.is_stray(stamp, self.now()):
+            return
         try:
             observation = observation_from_message(message, self.parameters.camera_frame)
             command = self._servo.answer(observation, stamp, self.now())
@@ -133,7 +164,8 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._report_warning()
 
     def _on_status(self, message: SingularityStatus) -> None:
-        self._servo.gate.receive(message.level, message.reason, nanoseconds(message.header.stamp), self.now())
+        stamp = nanoseconds(message.header.stamp)
+        self._servo.gate.receive(message.level, sender_text(message.reason), stamp, self.now())
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._servo.enabled = self._enabled = request.data
@@ -173,7 +205,13 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         if command is not None:
             self._command(command, self.now())
 
+    def _look_for_others(self) -> None:
+        if self._others.look():
+            self.report(self._others.text or "no topic has a second publisher any more", good=not self._others.text)
+
     def _command(self, command: Command, stamp: int) -> None:
+        if self._others.text:
+            command = command._replace(reason="; ".join(filter(None, (command.reason, self._others.text))))
         if self._halt_messages.to_be_published(command, self.parameters.zero_twists):
             fill_stamp(self._twist_message.header.stamp, stamp)
             fill_twist(self._twist_message.twist, command.output)
@@ -215,7 +253,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
                 "inverse condition number": f"{latest.inverse_condition_number:.4g}",
                 "law": self.parameters.law,
                 "scale": f"{latest.scale:.3g}",
-                "warning": self._servo.warning,
+                "warning": "; ".join(filter(None, (self._servo.warning, self._others.text))),
             },
         )
 

@@ -22,6 +22,7 @@ from plsing_ros.control.command import Command
 from plsing_ros.errors import GeometryError
 from plsing_ros.features import LineObservation
 from plsing_ros.features.feature_message import observation_from_message as observation_from_message
+from plsing_ros.features.feature_message import sender_text
 from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
@@ -116,7 +117,7 @@ def twist_from_message(message: TwistStamped, frame: str, topic: str = "cmd_twis
     """
     if message.header.frame_id != frame:
         raise GeometryError(
-            f"{topic} is in frame '{message.header.frame_id}', expected '{frame}' (parameter camera_frame)"
+            f"{topic} is in frame '{sender_text(message.header.frame_id)}', expected '{frame}' (parameter camera_frame)"
         )
     linear, angular = message.twist.linear, message.twist.angular
     return checked_twist(topic, [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])

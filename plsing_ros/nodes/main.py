@@ -25,6 +25,7 @@ from rclpy.utilities import remove_ros_args
 
 from plsing_ros.errors import PlsingError, StartError
 from plsing_ros.geometry.yaml_file import read_yaml
+from plsing_ros.nodes.overrides import check_overrides
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.shared_memory import clear_half_made_ports
 
@@ -113,6 +114,7 @@ def run_nodes(
         # One by one, so that those before a refused one are known.
         for create in choose(options):
             nodes.append(create(context=context))
+        check_overrides(arguments, [node.get_fully_qualified_name() for node in nodes])
     except (PlsingError, *_REFUSED_BY_RCLPY) as error:
         for node in nodes:
             node.destroy_node()

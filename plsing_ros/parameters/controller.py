@@ -58,6 +58,12 @@ class ControllerParameters(LawParameters, ToleranceParameters, AnswerParameters)
     poor_lines: str = parameter(
         "slow", "poor_lines", "What to do when the features say that their 3-D lines are POOR", choices=_TRUST
     )
+    enabled: bool = parameter(
+        True,
+        "enabled",
+        "Whether it may move from the start on; false: only after the service ~/enable",
+        live=False,
+    )
     slow_scale: float = parameter(
         0.3, "slow_scale", "Share of the speed for lines not to be trusted fully", minimum=0.0, maximum=1.0
     )

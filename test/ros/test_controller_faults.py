@@ -367,3 +367,58 @@ def test_live_changes_reach_the_law(ros, paper):
     assert not result.successful and "gain_at_infinity" in result.reason
     command, _ = loop.answer(features(start_pose(1), loop.now()))
     np.testing.assert_allclose(twist_values(command), 2.0 * plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
+
+
+def test_a_second_publisher_is_named_in_the_state(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    other = ros.add_node("teleop")
+    publisher = other.create_publisher(TwistStamped, "cmd_twist", 1)
+
+    def named():
+        _, state = loop.answer(features(start_pose(1), loop.now()))
+        return state.mode == ControllerState.MODE_SERVOING and "cmd_twist has 2 publishers" in state.reason
+
+    ros.spin_until(named, "the second publisher's name in the state")
+    other.destroy_publisher(publisher)
+    ros.spin_until(lambda: not named(), "a state without it")
+
+
+@pytest.mark.parametrize("time", [Time(sec=-1), Time(sec=5, nanosec=4_000_000_000), Time(sec=-(2**31))])
+def test_a_clock_that_says_no_time_ends_nothing(ros, paper, time):
+    clock = ros.node.create_publisher(Clock, "/clock", qos.CLOCK)
+    loop = ControllerLoop(ros, paper, use_sim_time=True)
+    good = features(start_pose(1), 1000.0)
+    for each in (time, good.header.stamp, time):
+        for _ in range(3):  # best effort
+            clock.publish(Clock(clock=each))
+            ros.spin_for(0.03)
+    _, state = loop.answer(good)
+    assert state.mode == ControllerState.MODE_SERVOING
+
+
+def test_reasons_have_no_control_characters_and_an_end(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    message = features(start_pose(1), loop.now())
+    message.lines_verdict, message.lines_reason = LineFeatureArray.LINES_AMBIGUOUS, "\x1b[2J\n" + 1000 * "x"
+    _, state = loop.answer(message)
+    assert state.reason.isprintable() and len(state.reason) < 400
+
+
+def test_one_stray_frame_changes_nothing(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    assert_servoes(loop)
+    count = len(loop.states)
+    stray = loop.now()
+    stray.sec -= 3600
+    loop.features.publish(features(start_pose(1), stray))
+    ros.spin_for(0.2)
+    assert len(loop.states) == count
+    assert_servoes(loop)
+
+
+def test_it_may_start_switched_off(ros, paper):
+    loop = ControllerLoop(ros, paper, enabled=False)
+    _, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.MODE_DISABLED
+    assert ros.call(SetBool, "controller/enable", SetBool.Request(data=True)).success
+    assert_servoes(loop)
