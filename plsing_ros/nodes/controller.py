@@ -73,6 +73,8 @@ _PATH_POSES = 100
 class ControllerNode(ParameterizedNode[ControllerParameters]):
     """Answers each line_features with a cmd_twist of the same stamp; zero if it must not move, and ~/state says why."""
 
+    moves_robot = True
+
     def __init__(self, **options: Any) -> None:
         super().__init__("controller", ControllerParameters, **options)
         parameters = self.parameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -28,6 +29,7 @@ from plsing_ros.geometry.yaml_file import read_yaml
 from plsing_ros.nodes.overrides import check_overrides
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.shared_memory import clear_half_made_ports
+from plsing_ros.nodes.transports import avoid_shared_memory
 
 FAILED_AT_START = 1
 BAD_INPUT = 2
@@ -109,11 +111,15 @@ def run_nodes(
         # From here on: a program that ends while the middleware makes a node leaves broken shared memory behind.
         received = _stop_signals()
         # Own signal handling: rclpy's would take the context away before the last, zero twist can be published.
+        creates = choose(options)
+        risk = avoid_shared_memory(creates, os.environ)
         rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
         clear_half_made_ports(context.get_domain_id())
         # One by one, so that those before a refused one are known.
-        for create in choose(options):
+        for create in creates:
             nodes.append(create(context=context))
+        if risk:
+            nodes[0].report(risk, good=False)
         check_overrides(arguments, [node.get_fully_qualified_name() for node in nodes])
     except (PlsingError, *_REFUSED_BY_RCLPY) as error:
         for node in nodes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import ParameterDescriptor
@@ -29,7 +29,14 @@ class ManagedNode(LifecycleNode):
 
     A subclass makes its publishers, subscriptions, services and timers in its constructor, whose last line is
     self.start(). They stay; what they work with is made in configure and forgotten in cleanup.
+
+    Attributes:
+        moves_robot: Whether a robot moves by what it publishes.
+        takes_images: Whether it listens to images.
     """
+
+    moves_robot: ClassVar[bool] = False
+    takes_images: ClassVar[bool] = False
 
     def __init__(self, name: str, **options: Any) -> None:
         """Create the node, unconfigured; options are those of rclpy.node.Node."""

@@ -84,8 +84,11 @@ def test_commands_zero_when_features_stop(ros, paper):
     loop.ros.spin_until(lambda: loop.states[-1].mode == ControllerState.MODE_HALTED, "the watchdog")
     assert "no features for" in loop.states[-1].reason and "allowed are 0.5 s" in loop.states[-1].reason
     assert np.all(twist_values(loop.twists[-1]) == 0.0)
+    # A halt can be left, by features that come often enough.
     _, state = loop.answer(features(start_pose(1), loop.now()))
-    assert state.mode == ControllerState.MODE_SERVOING  # a halt can be left
+    assert "features come every" in state.reason and "features_timeout is 0.5 s" in state.reason
+    _, state = loop.answer(features(start_pose(1), loop.now()))
+    assert state.mode == ControllerState.MODE_SERVOING
 
 
 def set_frame(message):
@@ -126,9 +129,6 @@ def test_stamps_that_are_not_to_be_trusted_command_zero(loop):
     ahead = loop.now()
     ahead.sec += 100
     assert_halts(loop, features(start_pose(1), ahead), "ahead of the clock", "use_sim_time")
-    earlier = loop.now()
-    loop.answer(features(start_pose(1), loop.now()))
-    assert_halts(loop, features(start_pose(1), earlier), "out of order")
 
 
 def test_switched_off_it_commands_zero_until_switched_on(loop):

@@ -1,0 +1,139 @@
+"""How late the zero twist comes when the features stop because their publisher, who listens to cmd_twist, is stopped.
+
+The controller and a simulator in real time run as processes of their own. The simulator is stopped (SIGSTOP) at random
+times and goes on after two seconds; this process listens. Once with the controller's own transports, once with shared
+memory as Fast DDS uses it by default.
+
+    python3 -m benchmark stop_time
+    python3 -m benchmark stop_time --quick
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import rclpy
+from geometry_msgs.msg import TwistStamped
+
+from plsing_msgs.msg import LineFeatureArray
+from plsing_ros.nodes import qos
+from plsing_ros.nodes.transports import RANGE, TRANSPORTS
+from plsing_ros.parameters.config_files import config_file
+
+_STOPPED = 2.0  # [s]
+_PATIENCE = 60.0  # [s]
+_SEED = 1
+
+
+def main(quick: bool = False) -> None:
+    """Print how late zero twists were."""
+    stops = 10 if quick else 100
+    print(
+        "| transports of the controller | stops | zero twist after the last feature [ms]: median / most | "
+        "later than 350 ms | moving twists after the zero |"
+    )
+    print("|---|---|---|---|---|")
+    for name, settings in (("its own (UDP)", {}), ("shared memory", {TRANSPORTS: "DEFAULT"})):
+        late, moving = measure(stops, settings)
+        late.sort()
+        print(
+            f"| {name} | {len(late)} | {1e3 * late[len(late) // 2]:.0f} / {1e3 * late[-1]:.0f} | "
+            f"{sum(each > 0.35 for each in late)} | {moving} |",
+            flush=True,
+        )
+
+
+def measure(stops: int, settings: dict[str, str]) -> tuple[list[float], int]:
+    """Return how late each zero twist was [s], and how many moving twists came after one.
+
+    Args:
+        stops: How often to stop the simulator.
+        settings: Environment of the controller.
+    """
+    base = {key: value for key, value in os.environ.items() if key not in (TRANSPORTS, RANGE, "ROS_LOCALHOST_ONLY")}
+    base["ROS_DOMAIN_ID"] = os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randrange(60, 100))
+    os.environ.update({TRANSPORTS: "UDPv4", RANGE: "SUBNET"})
+    chance = random.Random(_SEED)
+    late, moving_after = [], 0
+    with (
+        _process("feature_simulator", base, "mode:=realtime") as simulator,
+        _process("controller", {**base, **settings}, "features_timeout:=0.2", "gain:=0.02"),
+        _Ears() as ears,
+    ):
+        for _ in range(stops):
+            ears.wait_until_moving()
+            ears.listen(chance.uniform(0.0, 1.0))
+            simulator.send_signal(signal.SIGSTOP)
+            ears.twists.clear()
+            stopped = time.monotonic()
+            ears.listen(_STOPPED)
+            simulator.send_signal(signal.SIGCONT)
+            last = max(ears.last_feature, stopped - 1.0)
+            zeros = [when for when, moves in ears.twists if not moves and when > last]
+            late.append((zeros[0] if zeros else time.monotonic()) - last)
+            if zeros:
+                moving_after += sum(moves and when > zeros[0] for when, moves in ears.twists)
+    return late, moving_after
+
+
+class _Ears:
+    """Listens to features and twists, and remembers when they came."""
+
+    def __enter__(self) -> _Ears:
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self._node = rclpy.create_node("ears", context=self._context)
+        self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self.twists: list[tuple[float, bool]] = []
+        self.last_feature = 0.0
+        self._node.create_subscription(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
+        self._node.create_subscription(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def listen(self, seconds: float) -> None:
+        """Listen for a while."""
+        end = time.monotonic() + seconds
+        while (rest := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=rest)
+
+    def wait_until_moving(self) -> None:
+        """Listen until a twist moves the camera."""
+        self.twists.clear()
+        end = time.monotonic() + _PATIENCE
+        while not any(moves for _, moves in self.twists):
+            self._executor.spin_once(timeout_sec=0.1)
+            if time.monotonic() > end:
+                raise TimeoutError(f"no twist that moves in {_PATIENCE} s")
+
+    def _on_twist(self, message: TwistStamped) -> None:
+        v, w = message.twist.linear, message.twist.angular
+        self.twists.append((time.monotonic(), any((v.x, v.y, v.z, w.x, w.y, w.z))))
+
+    def _on_features(self, _: LineFeatureArray) -> None:
+        self.last_feature = time.monotonic()
+
+
+@contextmanager
+def _process(node: str, environment: dict[str, str], *parameters: str) -> Iterator[subprocess.Popen[bytes]]:
+    code = f"from plsing_ros.nodes.{node} import main; raise SystemExit(main())"
+    arguments = ["--ros-args", "--params-file", str(config_file("paper_p4l.yaml"))]
+    arguments += [word for parameter in parameters for word in ("-p", parameter)]
+    process = subprocess.Popen([sys.executable, "-c", code, *arguments], env=environment, stderr=subprocess.DEVNULL)
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGCONT)
+        process.terminate()
+        process.wait(30.0)
