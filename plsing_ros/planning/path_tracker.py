@@ -23,6 +23,9 @@ _LONGEST_STEP = 0.5
 _SAME = 1e-6  # [m], [rad]
 # Share of the speed limits that a path may use: the rest is for the feedback.
 _ROOM = 0.9
+# A new path is planned after the camera has been elsewhere for so long [s], and so many times for one target.
+_PERSISTENCE = 0.3
+_MAX_REPLANS = 5
 
 
 class PathTracker:
@@ -51,6 +54,9 @@ class PathTracker:
         # Where the camera should be: on the path, or where the plan was refused.
         self._expected = T_world_target
         self._stamp = 0
+        # Since when the camera is elsewhere, and how many plans were made because it was.
+        self._elsewhere_since: int | None = None
+        self._replans = 0
 
     def leads_to(self, T_world_target: Pose) -> bool:
         """Return whether this is the target, to rounding: the same message sent again is no new target."""
@@ -69,14 +75,15 @@ class PathTracker:
             factor: What was left of the speed in the latest cycle, in [0, 1]: the path waits for a camera held back.
 
         Raises:
-            ObservationError: If the lines do not tell where the camera is, or too few have an image on the path.
+            ObservationError: If the lines do not tell where the camera is, or it is elsewhere than on its path and no
+                new one is made yet, or any more; or if too few lines have an image on the path.
         """
         pose = self._camera_pose(parameters, seen)
         if pose is None:
             raise ObservationError(
                 "the observed lines do not fit the scene, so the camera's place on the path is unknown"
             )
-        if self.plan is None or self._is_elsewhere(pose, seen.ids, image, parameters.detour_replan_distance):
+        if self.plan is None or self._is_to_replan(pose, seen.ids, image, stamp, parameters.detour_replan_distance):
             self.plan = plan_path(self._loci.singular_set, pose, self._target, detour_options(parameters))
             path = self.plan.path
             self._follower = None if path is None else PathFollower(path, self._lines)
@@ -104,6 +111,30 @@ class PathTracker:
         if factor == 1.0:
             return pose
         return self._loci.camera_pose(LineSet(seen.direction, seen.moment / factor, seen.frame, seen.ids))
+
+    def _is_to_replan(self, pose: Pose, ids: tuple[int, ...], image: Array, stamp: int, distance: float) -> bool:
+        """Return whether the camera has been elsewhere for long enough: a pose that jumps is no reason for a new plan.
+
+        Raises:
+            ObservationError: While it is elsewhere and that is not so.
+        """
+        if not self._is_elsewhere(pose, ids, image, distance):
+            self._elsewhere_since = None
+            return False
+        if self._elsewhere_since is None or stamp < self._elsewhere_since:
+            self._elsewhere_since = stamp
+        off = float(np.linalg.norm(pose.translation - self._expected.translation))
+        where = f"the camera is {off:.3g} m from its place on the path, allowed are {distance:g} m"
+        if self._replans >= _MAX_REPLANS:
+            raise ObservationError(
+                f"{where}, and {_MAX_REPLANS} new paths have not helped: map, 3-D lines or motion are wrong; "
+                "set the target again to go on"
+            )
+        if stamp - self._elsewhere_since < _PERSISTENCE * _SECOND:
+            raise ObservationError(f"{where}: a new path is planned after {_PERSISTENCE:g} s")
+        self._replans += 1
+        self._elsewhere_since = None
+        return True
 
     def _is_elsewhere(self, pose: Pose, ids: tuple[int, ...], image: Array, distance: float) -> bool:
         """Return whether the camera is farther than a distance from its place on the path.

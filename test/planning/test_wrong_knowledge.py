@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from plsing_ros.control.servo_controller import ServoController
+from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.scene_file import read_scene
@@ -46,7 +47,11 @@ def run(servo, pose, frames, depth=1.0, first=0, lines=LINES):
     plans = []
     for k in range(first, first + frames):
         stamp = 10**12 + round(k * TIME_STEP * 1e9)
-        pose = pose.integrate(servo.answer(seen(pose, depth, lines), stamp, stamp).twist, TIME_STEP)
+        try:
+            command = servo.answer(seen(pose, depth, lines), stamp, stamp)
+        except ObservationError as error:
+            command = servo.halt(str(error))
+        pose = pose.integrate(command.twist, TIME_STEP)
         if not plans or servo.plan is not plans[-1]:
             plans.append(servo.plan)
     return pose, plans
@@ -84,5 +89,27 @@ def test_a_camera_that_was_carried_away_is_one(depth):
     servo = controller(LINES, **{"detour.max_scale_error": 0.0})
     _, before = run(servo, START, 100, depth)
     _, after = run(servo, ELSEWHERE, 300, depth, first=100)
-    assert len(before) == len(after) == 1
-    assert after[0] is not before[0]
+    # It holds for a moment first.
+    assert len(before) == 1 and len(after) == 2
+    assert after[0] is before[0]
+
+
+def test_a_pose_that_jumps_is_no_reason_for_a_new_plan():
+    servo = controller(LINES)
+    pose, before = run(servo, START, 100)
+    for k in range(3):
+        _, jumped = run(servo, ELSEWHERE, 2, first=100 + 4 * k)
+        pose, after = run(servo, pose, 2, first=102 + 4 * k)
+        assert len(before) == len(jumped) == len(after) == 1 and before[0] is jumped[0] is after[0]
+
+
+def test_plans_are_not_made_without_end():
+    servo = controller(LINES)
+    plans = []
+    for k in range(12):
+        _, each = run(servo, ELSEWHERE if k % 2 else START, 8, first=8 * k)
+        plans += each
+    assert len({id(plan) for plan in plans}) == 6  # the first, and five more
+    stamp = 10**12 + 96 * 10**8
+    with pytest.raises(ObservationError, match="new paths have not helped"):
+        servo.answer(seen(START), stamp, stamp)
