@@ -22,6 +22,7 @@ from plsing_ros.parameters import ControllerParameters
 
 ARRIVED = (0.05, np.radians(2.0), 1.0)  # [m], [rad], for [s]
 _START = 10**12  # [ns]
+_SETTLING = 3.0  # in units of 1 / lambda
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Outcome:
         away: Whether it was ever farther than 1.5 times and 5 cm more than the start's distance.
         lost: Whether fewer than three lines were seen in a frame.
         path: Length over the straight way.
-        error: Distance from the target at the end, root mean square over the last second [m].
+        error: Distance from the target a while after arrival, or at the end, root mean square over a second [m].
         farthest: Largest distance from the target over the start's.
         speed: Largest commanded |v| and |omega| over the limits.
         refused: Frames that were refused as contradictory.
@@ -155,7 +156,8 @@ def _loop(task: ServoTask, condition: Condition, control: Control, camera: Camer
     away = lost = arrived = False
     Refusals.count = frames = k = 0
     decay = 0.0 if condition.lag == 0.0 else float(np.exp(-FRAME_TIME / condition.lag))
-    while k * FRAME_TIME < most and not arrived:
+    seconds, end = most, most
+    while k * FRAME_TIME < end:
         dropped, late = rng.random() < condition.dropped, rng.random() < condition.jitter
         frame = camera.frame(pose)
         frames += 1
@@ -185,10 +187,13 @@ def _loop(task: ServoTask, condition: Condition, control: Control, camera: Camer
         away = away or distance > max(1.5 * start, start + 0.05)
         last = [*last[-29:], distance]
         near = near + FRAME_TIME if distance < ARRIVED[0] and turn < ARRIVED[1] else 0.0
-        arrived = near >= ARRIVED[2]
+        if near >= ARRIVED[2] and not arrived:
+            arrived, seconds = True, k * FRAME_TIME
+            # On, until what is left of the way is small beside the errors.
+            end = seconds + _SETTLING / task.gain
     return Outcome(
         arrived,
-        k * FRAME_TIME,
+        seconds,
         away,
         lost,
         length / start,

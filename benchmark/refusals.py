@@ -1,0 +1,113 @@
+"""How often consistent frames are refused, and contradictory ones are not: frames of the conditions of the laws.
+
+python3 -m benchmark refusals
+python3 -m benchmark refusals --quick
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from benchmark.servo_conditions import CONDITIONS, Camera, ServoTask, draw_task
+from plsing_ros.features import LineObservation
+from plsing_ros.features.consistency import ConsistencyCheck
+from plsing_ros.geometry import LineSet, Pose
+
+SEED = 5
+_FRAMES_PER_TASK = 40
+_ROWS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def main(quick: bool = False) -> None:
+    """Print both tables."""
+    consistent(100 if quick else 2500)
+    contradictory(40 if quick else 800)
+
+
+def consistent(tasks: int) -> None:
+    """Print how many frames of runs from start to target are refused."""
+    print("| condition | frames | refused | us a frame |\n|---|---|---|---|")
+    for condition in CONDITIONS.values():
+        rng = np.random.default_rng([SEED, 1])
+        frames = refused = 0
+        spent = 0.0
+        for number in range(tasks):
+            task = draw_task(rng, condition, number % 3 != 2)
+            camera, check = Camera(task, condition, rng), ConsistencyCheck(task.map)
+            for share in rng.uniform(-0.1, 1.1, _FRAMES_PER_TASK):
+                frame = camera.frame(_between(task, share))
+                before = time.perf_counter()
+                refused += check.contradiction(frame.observation, frame.T_world_camera) is not None
+                spent += time.perf_counter() - before
+                frames += 1
+        print(f"| {condition.name} | {frames} | {refused} | {1e6 * spent / frames:.0f} |", flush=True)
+
+
+def contradictory(tasks: int) -> None:
+    """Print how many contradictory frames of the nominal condition pass."""
+    condition, rng = CONDITIONS["nominal"], np.random.default_rng([SEED, 2])
+    tried: dict[str, int] = {}
+    passed: dict[str, int] = {}
+    for number in range(tasks):
+        task = draw_task(rng, condition, number % 3 != 2)
+        frame, check = Camera(task, condition, rng).frame(task.start), ConsistencyCheck(task.map)
+        for kind, observation, pose in spoilt(frame.observation, frame.T_world_camera, rng):
+            tried[kind] = tried.get(kind, 0) + 1
+            passed[kind] = passed.get(kind, 0) + (check.contradiction(observation, pose) is None)
+    print("\n| kind | frames | not noticed |\n|---|---|---|")
+    for kind, count in tried.items():
+        print(f"| {kind} | {count} | {passed[kind]} |")
+    print(f"| all | {sum(tried.values())} | {sum(passed.values())} |")
+
+
+def spoilt(
+    right: LineObservation, pose: Pose, rng: np.random.Generator
+) -> Iterator[tuple[str, LineObservation, Pose | None]]:
+    """Return contradictory versions of an observation, with the pose that is told along, if one is."""
+    lines, image, ids = right.lines_camera, right.usable_image_lines, right.usable_ids
+    n = len(ids)
+    if lines is None or n < 3:
+        return
+
+    def made(s: np.ndarray = image, space: np.ndarray | float = 1.0, named: tuple[int, ...] = ids) -> LineObservation:
+        changed = LineSet(lines.direction * space, lines.moment * space, "camera", named)
+        return LineObservation(named, s, np.ones(n, dtype=bool), changed)
+
+    one, some, positive = np.ones((n, 1)), rng.choice([-1.0, 1.0], (n, 1)), np.where(image[:, 2:] < 0.0, -1.0, 1.0)
+    one[rng.integers(n)] = -1.0
+    yield "offsets in pixels", made(image * [1.0, 1.0, rng.uniform(50.0, 1000.0)]), None
+    yield "one image line negated", made(image * one), None
+    yield "one line reversed", made(image * one, one), None
+    if abs(some.sum()) < n:
+        yield "some image lines negated", made(image * some), None
+        yield "some lines reversed", made(image * some, some), None
+    if (positive < 0.0).any():
+        yield "positive offsets", made(image * positive), None
+        if (positive > 0.0).any():
+            yield "positive offsets, 3-D lines as well", made(image * positive, positive), None
+    first, second = rng.choice(n, 2, replace=False)
+    order = np.arange(n)
+    order[[first, second]] = second, first
+    yield "two ids exchanged", made(named=tuple(ids[row] for row in order)), None
+    yield "two image lines exchanged", made(image[order]), None
+    mixed = rng.permutation(n)
+    if (mixed != np.arange(n)).any():
+        yield "ids mixed", made(named=tuple(ids[row] for row in mixed)), None
+    factor = rng.choice([0.001, 0.2, 2.0, 5.0, 1000.0])
+    scaled = LineSet(lines.direction, lines.moment * factor, "camera", ids)
+    yield "wrong scale", LineObservation(ids, image, np.ones(n, dtype=bool), scaled), None
+    shift = rng.normal(size=3)
+    shift *= rng.choice([0.05, 0.2, 1.0, 5.0]) / np.linalg.norm(shift)
+    yield "pose off by 0.05 to 5 m", made(), Pose(pose.rotation, pose.translation + shift)
+    yield "pose inverted", made(), pose.inverse()
+    yield "pose turned by 90 degrees", made(), Pose(pose.rotation @ _ROWS, pose.translation)
+
+
+def _between(task: ServoTask, share: float) -> Pose:
+    turn = Rotation.from_matrix(task.start.rotation.T @ task.target.rotation).as_rotvec()
+    rotation = task.start.rotation @ Rotation.from_rotvec(share * turn).as_matrix()
+    return Pose(rotation, (1.0 - share) * task.start.translation + share * task.target.translation)
