@@ -183,14 +183,12 @@ class Frame:
     """What a controller gets.
 
     Attributes:
-        observation: Image lines, with the map's lines as seen from the pose.
-        covariances: Of the usable lines, shape (k, 3).
+        observation: Image lines with their covariances, and the map's lines as seen from the pose.
         T_world_camera: The pose that is known.
         covariance: Of that pose, (v, omega) in the camera frame, shape (6, 6).
     """
 
     observation: LineObservation
-    covariances: np.ndarray
     T_world_camera: Pose
     covariance: np.ndarray
 
@@ -235,11 +233,9 @@ class Camera:
         """Return a frame of image lines with the 3-D lines of the map as seen from a pose."""
         in_camera = self._map.transformed(pose.inverse(), "camera")
         observation = LineObservation.from_rows(
-            self._map.ids, lines, in_camera.direction, in_camera.moment, seen, "camera"
+            self._map.ids, lines, in_camera.direction, in_camera.moment, seen, "camera", covariances
         )
-        used = observation.usable
-        object.__setattr__(observation, "usable_covariances", covariances[used])
-        return Frame(observation, covariances[used], pose, covariance)
+        return Frame(observation, pose, covariance)
 
 
 def _direction(rng: np.random.Generator) -> np.ndarray:

@@ -352,7 +352,7 @@ def _with_note(command: Command, unknown: tuple[int, ...]) -> Command:
 
 def _covariances(observation: LineObservation, ids: tuple[int, ...]) -> Array | None:
     """Return those of the image lines of some usable ids, shape (k, 3), or None if they are not known."""
-    known: Array | None = getattr(observation, "usable_covariances", None)
+    known = observation.usable_covariances
     if known is None or ids == observation.usable_ids:
         return known
     row_of = {i: row for row, i in enumerate(observation.usable_ids)}
