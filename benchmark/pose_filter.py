@@ -22,6 +22,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import importlib
 from collections.abc import Iterator
+from itertools import chain
 from types import ModuleType
 
 import numpy as np
@@ -49,7 +50,7 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import FilterParameters
 from plsing_ros.pose import PoseEstimator, PoseFilter
 
-SEED = 1
+SEED = 2  # thresholds were chosen on seed 1
 SCENES = 200
 QUICK_SCENES = 20
 BANDS = ((0.0, 0.02), (0.02, 0.1), (0.1, 0.3), (0.3, 1.0))
@@ -63,9 +64,13 @@ def main(quick: bool = False) -> None:
 
 def report(seed: int, scenes: int) -> None:
     """Print all tables."""
-    for line in (*crossings(seed, scenes), *disturbances(seed, max(10, scenes // 4)), *flat_scenes(seed, scenes)):
-        print(line, flush=True)
-    for line in (*measured_covariances(seed, scenes), *speed()):
+    for line in chain(
+        crossings(seed, scenes),
+        disturbances(seed, max(10, scenes // 4)),
+        flat_scenes(seed, scenes),
+        measured_covariances(seed, scenes),
+        speed(),
+    ):
         print(line, flush=True)
 
 
@@ -130,7 +135,8 @@ def gtsam_filtered(gtsam: ModuleType, seen: Sequence, start: Pose, covariance: n
     """
     turn = np.zeros((6, 6))
     turn[:3, 3:] = turn[3:, :3] = start.rotation.T
-    ekf = gtsam.InvariantEKFPose3(gtsam.Pose3(start.rotation, start.translation), turn @ covariance @ turn.T)
+    first = gtsam.Pose3(gtsam.Rot3(start.rotation), start.translation)
+    ekf = gtsam.InvariantEKFPose3(first, turn @ covariance @ turn.T)
     rows = []
     for k, (true, image) in enumerate(zip(seen.poses, seen.images, strict=True)):
         if k > 0:

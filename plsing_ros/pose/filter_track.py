@@ -21,12 +21,15 @@ _FALSE_ALARM = 1e-5
 # The lasting part of the twist's error, against the part that each step has anew, and how long it lasts [s].
 _DRIFT_SHARE = 0.2
 _DRIFT_TIME = 20.0
-# A wary filter takes twists for so many times as wrong, and lets a wrong turn of 1 rad/s shift by so many m/s.
+# A wary filter takes twists for so many times as wrong, and lets a turn that is wrong by 1 rad/s shift by so many m/s.
 _WARY = 10.0
 _LEVER = 1.0  # [m]
 # The filter that explains the images better is followed, once it is so much more likely, as -2 log of the ratio.
-_BELIEVE_WARY, _BELIEVE_TWISTS = 9.0, 10.0
+_BELIEVE_WARY, _BELIEVE_TWISTS = 9.0, 20.0
 _DRIFT_UNITS = _WARY / _DRIFT_SHARE
+# Two filters that differ by more, in squared standard deviations (12 on average, and this once in a hundred thousand), are
+# not both right, and then it is the one that assumes more that is not.
+_DISAGREEMENT = 44.0
 
 
 class Agreement(enum.Enum):
@@ -83,7 +86,8 @@ class FilterTrack:
         self._trusting = _core.FilterState(T_world_camera.rotation, T_world_camera.translation, covariance, count)
         self._wary = self._trusting.copy()
         self.cost = 0.0
-        self.wary = False
+        # Until images have shown that the twists are right.
+        self.wary = True
         self._balance = 0.0
         self._speed = self._turn_speed = self._since_update = 0.0
 
@@ -119,7 +123,7 @@ class FilterTrack:
             duration,
             memory,
         )
-        noise = _spread(_WARY * (shift + _LEVER * angle + rest), _WARY * (angle + shift / _LEVER + rest_turn))
+        noise = _spread(_WARY * (shift + rest) + _LEVER * angle, _WARY * (angle + rest_turn) + shift / _LEVER)
         self._wary.predict(twist, noise, noise, duration, memory)
 
     def update(self, rows: list[int], image: Array, covariances: Array) -> TrackUpdate:
@@ -202,8 +206,8 @@ class FilterTrack:
             return
         self._trusting, self._wary = trusting.state, wary.state
         self._balance += trusting.cost - wary.cost
-        apart = 0.0 if self.wary else self._trusting.disagreement(self._wary, _DRIFT_UNITS)
-        if self._balance >= _BELIEVE_WARY or apart > _quantile(12):
+        refuted = self._trusting.disagreement(self._wary, _DRIFT_UNITS) > _DISAGREEMENT
+        if refuted or self._balance >= _BELIEVE_WARY:
             self.wary, self._balance = True, 0.0
             self._trusting = _trusting_copy(self._wary)
         elif not self.wary:
