@@ -27,7 +27,7 @@ _LEVER = 1.0  # [m]
 # The filter that explains the images better is followed, once it is so much more likely, as -2 log of the ratio.
 _BELIEVE_WARY, _BELIEVE_TWISTS = 9.0, 20.0
 _DRIFT_UNITS = _WARY / _DRIFT_SHARE
-# Two filters that differ by more, in squared standard deviations (12 on average, and this once in a hundred thousand), are
+# Two filters that differ by more, in squared standard deviations (12 on average, this once in a hundred thousand), are
 # not both right, and then it is the one that assumes more that is not.
 _DISAGREEMENT = 44.0
 
