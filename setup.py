@@ -102,6 +102,7 @@ setup(
             "controller = plsing_ros.nodes.controller:main",
             "singularity_monitor = plsing_ros.nodes.singularity_monitor:main",
             "pose_estimator = plsing_ros.nodes.pose_estimator:main",
+            "line_tracker = plsing_ros.nodes.line_tracker:main",
             "container = plsing_ros.nodes.container:main",
             "demo = plsing_ros.cli.demo:main",
             "analyze = plsing_ros.cli.analyze:main",

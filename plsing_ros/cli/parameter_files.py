@@ -17,6 +17,7 @@ from plsing_ros.parameters import (
     SimulatorParameters,
     Specification,
 )
+from plsing_ros.parameters.line_tracker import LineTrackerParameters
 from plsing_ros.parameters.node import AUTOSTART, AUTOSTART_DEFAULT
 
 NODES: dict[str, type[ParameterSet]] = {
@@ -24,6 +25,7 @@ NODES: dict[str, type[ParameterSet]] = {
     "controller": ControllerParameters,
     "singularity_monitor": MonitorParameters,
     "pose_estimator": PoseEstimatorParameters,
+    "line_tracker": LineTrackerParameters,
 }
 
 

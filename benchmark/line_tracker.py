@@ -1,0 +1,332 @@
+"""Line tracker: errors, losses and CPU time on public image sequences, beside ViSP's model-based tracker."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plsing_ros.geometry import Pose
+from plsing_ros.geometry.model import Model
+from plsing_ros.geometry.model_files import read_model
+from plsing_ros.geometry.rotations import exponential, rotation_vector
+from plsing_ros.tracking import LineTracker, PinholeCamera, Tracking, TrackingState
+
+_VISP_IMAGES = Path("/usr/share/visp-images-data/ViSP-images")
+# The folder rbt/cube of lagadic/visp-images: color_image_*.png, cam.json, apriltag_data.json, model/ and init/.
+_RBT_CUBE = Path(os.environ.get("PLSING_RBT_CUBE", "/nowhere"))
+_SOURCE = Path(__file__).with_name("visp_line_tracker.cpp")
+_LIBRARIES = ("-lvisp_core", "-lvisp_io", "-lvisp_mbt", "-lvisp_me", "-lvisp_klt", "-lvisp_vision")
+_LOST = 0.02, np.radians(5.0)
+_AGREE = 0.005
+# Where ViSP's example puts the cube of the rendered sequence in the castle's frame.
+_CUBE_IN_CASTLE = np.array([[-1.0, 0, 0, -0.2], [0, 0, 1.0, 0.12], [0, 1.0, 0, -0.15]])
+
+
+@dataclass(frozen=True)
+class Result:
+    """Where the object is said to be in an image, and for how long that was computed."""
+
+    pose: Pose | None
+    seconds: float
+    state: TrackingState
+    tracking: Tracking | None = None
+
+
+@dataclass(frozen=True)
+class TestSequence:
+    """Images, the camera, the object, the first pose, and what ViSP needs."""
+
+    camera: PinholeCamera
+    images: Sequence[Any]
+    model: Model
+    start: Pose
+    visp_models: Sequence[tuple[Path, Any]]
+    angles: tuple[float, float]
+
+
+def follow(given: TestSequence, images: Sequence[Any], step: int = 1) -> dict[int, Result]:
+    """Return what our tracker says of every step-th image."""
+    tracker = LineTracker(given.model, given.camera)
+    results = {}
+    for k in range(0, len(images), step):
+        begin = time.process_time()
+        found = tracker.track(images[k], given.start.inverse() if k == 0 else None)
+        seconds = time.process_time() - begin
+        pose = None if found.T_world_camera is None else found.T_world_camera.inverse()
+        results[k] = Result(pose, seconds, found.state, found)
+    return results
+
+
+class VispTracker:
+    """ViSP's tracker, a program that is compiled here and run as a separate process."""
+
+    def __init__(self, program: Path) -> None:
+        self._program = program
+
+    def follow(self, mode: str, given: TestSequence, images: Sequence[Any], step: int = 1) -> dict[int, Result]:
+        """Return what a mode (edge, scanline, klt) says of every step-th image."""
+        import cv2
+
+        camera, chosen = given.camera, list(range(0, len(images), step))
+        with tempfile.TemporaryDirectory() as folder:
+            files = [str(Path(folder) / f"{k:04d}.pgm") for k in chosen]
+            for file, k in zip(files, chosen, strict=True):
+                cv2.imwrite(file, images[k])
+            words: list[Any] = [mode, camera.fx, camera.fy, camera.cx, camera.cy, *given.angles, len(given.visp_models)]
+            for path, pose in given.visp_models:
+                words += [path, *np.ravel(pose)]
+            start = np.column_stack([given.start.rotation, given.start.translation])
+            words += [*start.ravel(), len(files), *files]
+            text = " ".join(map(str, words))
+            done = subprocess.run([str(self._program)], input=text, capture_output=True, text=True, check=True)
+        rows = [[float(word) for word in line.split()] for line in done.stdout.splitlines()]
+        results = {}
+        for k, row in zip(chosen, rows, strict=True):
+            state = TrackingState.TRACKING if row[0] else TrackingState.LOST
+            results[k] = Result(_pose(np.reshape(row[1:13], (3, 4))) if row[0] else None, row[13], state)
+        return results
+
+
+@contextmanager
+def compiled_visp() -> Iterator[VispTracker | str]:
+    """Compile ViSP's tracker, and remove it in the end; give the reason in words where that cannot be done."""
+    if not (shutil.which("pkg-config") and shutil.which("g++")):
+        yield "not measured: pkg-config or g++ is missing"
+        return
+    flags = subprocess.run(["pkg-config", "--cflags", "visp"], capture_output=True, text=True, check=False)
+    if flags.returncode != 0:
+        yield "not installed: sudo apt install libvisp-dev"
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "visp_line_tracker"
+        command = ["g++", "-O3", str(_SOURCE), "-o", str(program), *flags.stdout.split(), *_LIBRARIES]
+        built = subprocess.run(command, capture_output=True, text=True, check=False)
+        if built.returncode != 0:
+            yield f"does not compile: {(built.stderr.strip() or 'no reason given').splitlines()[0]}"
+            return
+        yield VispTracker(program)
+
+
+def castle(visp: VispTracker | str) -> None:
+    """Print errors against the exact truth of the rendered sequence."""
+    given, truth = _castle()
+    print("Castle-simu, 40 rendered images, exact truth: median / largest error, NEES of OK poses, CPU time")
+    runs = {"plsing_ros": follow(given, given.images)}
+    if isinstance(visp, VispTracker):
+        runs |= {f"ViSP {mode}": visp.follow(mode, given, given.images) for mode in ("edge", "scanline")}
+    figures = {}
+    for name, results in runs.items():
+        off = np.array([_error(each.pose, truth[k]) for k, each in results.items() if each.pose is not None])
+        figures[name] = (
+            *np.median(off, axis=0),
+            *off.max(axis=0),
+            np.median([each.seconds for each in results.values()]),
+        )
+        middle, turn, most, most_turn, seconds = figures[name]
+        squares = [_squares(each.tracking, truth[k]) for k, each in results.items() if _is_ok(each)]
+        nees = f"NEES {np.median(squares):.1f}, " if squares else ""
+        print(
+            f"  {name:14} {1e3 * middle:6.3f} / {1e3 * most:5.2f} mm, {np.degrees(turn):.3f} / "
+            f"{np.degrees(most_turn):.2f} degrees, {nees}{1e3 * seconds:.2f} ms"
+        )
+    if "ViSP scanline" in figures:
+        ratios = np.array(figures["plsing_ros"]) / np.array(figures["ViSP scanline"])
+        text = ", ".join(f"{ratio:.3f}" for ratio in ratios)
+        print(f"  of ViSP scanline (translation, rotation, their largest, time): {text}")
+
+
+def cube(visp: VispTracker | str, quick: bool) -> None:
+    """Print the share of frames lost on the disturbed cube."""
+    if not isinstance(visp, VispTracker):
+        print(f"cube: needs ViSP as the second of two independent trackers, and it is {visp}")
+        return
+    given = _cube()
+    reference, own = visp.follow("klt", given, given.images), follow(given, given.images)
+    counted = {
+        k
+        for k, each in own.items()
+        if each.pose is not None and reference[k].pose is not None and _error(each.pose, reference[k].pose)[0] < _AGREE
+    }
+    print(f"cube, {len(given.images)} real images, {len(counted)} on which two trackers agree within 5 mm: share lost")
+    print(
+        f"  {'':22}{'plsing_ros':>12} {'unannounced':>12} {'CPU ms':>8}" + "".join(f"{'ViSP ' + m:>15}" for m in _MODES)
+    )
+    for name, disturb in _DISTURBANCES.items():
+        if quick and name not in ("as is", "25 % occluded", "contrast a quarter"):
+            continue
+        step = int(name.split()[1]) if name.startswith("every") else 1
+        images = [disturb(k, image, reference[k].pose, given) for k, image in enumerate(given.images)]
+        ours = follow(given, images, step)
+        rivals = [visp.follow(mode, given, images, step) for mode in _MODES]
+        lost = [
+            k for k in ours if k in counted and not _is_black(name, k) and _is_lost(ours[k].pose, reference[k].pose)
+        ]
+        of = sum(1 for k in ours if k in counted and not _is_black(name, k))
+        silent = sum(ours[k].state == TrackingState.TRACKING for k in lost)
+        shares = [
+            sum(_is_lost(run[k].pose, reference[k].pose) for k in run if k in counted and not _is_black(name, k)) / of
+            for run in rivals
+        ]
+        times = [1e3 * np.median([each.seconds for each in run.values()]) for run in (ours, *rivals)]
+        rest = "".join(f"{share:>8.0%} {spent:4.1f}ms" for share, spent in zip(shares, times[1:], strict=True))
+        print(f"  {name:22}{len(lost) / of:>12.0%} {silent:>12} {times[0]:>8.2f}  {rest}")
+
+
+def textured_cube() -> None:
+    """Print errors on the textured cube against the published poses."""
+    import cv2
+
+    info = json.loads((_RBT_CUBE / "cam.json").read_text())
+    camera = PinholeCamera(info["w"], info["h"], info["px"], info["py"], info["u0"], info["v0"])
+    files = sorted(_RBT_CUBE.glob("color_image_*.png"))
+    grid = [np.array(each) for each in json.loads((_RBT_CUBE / "apriltag_data.json").read_text())["grid"]]
+    first = np.array(json.loads((_RBT_CUBE / "init" / "cube.json").read_text()))
+    truth = [_pose((grid[k] @ np.linalg.inv(grid[0]) @ first)[:3]) for k in range(len(files))]
+    images = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files]
+    given = TestSequence(camera, images, read_model(_RBT_CUBE / "model" / "cube.obj"), truth[0], (), (0, 0))
+    results = follow(given, images)
+    off = np.array([_error(each.pose, truth[k]) for k, each in results.items() if each.pose is not None])
+    good = (off[:, 0] < 0.03) & (off[:, 1] < np.radians(10.0))
+    middle, ninety, most = 1e3 * np.percentile(off[:, 0], [50, 90, 100])
+    print(
+        f"rbt cube, {len(files)} images, against the published poses (which are some pixels off the images themselves):"
+    )
+    print(
+        f"  {good.sum() / len(files):.0%} within 30 mm and 10 degrees; {middle:.1f} / {ninety:.1f} / {most:.1f} mm, "
+        f"{np.degrees(np.median(off[:, 1])):.1f} degrees; "
+        f"{1e3 * np.median([each.seconds for each in results.values()]):.2f} ms"
+    )
+
+
+def main(quick: bool = False) -> None:
+    """Measure what is installed, and say what is missing."""
+    import cv2
+
+    cv2.setNumThreads(1)
+    with compiled_visp() as visp:
+        if isinstance(visp, str):
+            print(f"ViSP: {visp}")
+        if _VISP_IMAGES.is_dir():
+            castle(visp)
+            cube(visp, quick)
+        else:
+            print(f"no images in {_VISP_IMAGES}: sudo apt install visp-images-data (GPL-2)")
+    if _RBT_CUBE.is_dir():
+        textured_cube()
+    else:
+        print("rbt cube: not measured; set PLSING_RBT_CUBE to the folder rbt/cube of github.com/lagadic/visp-images")
+
+
+def _castle() -> tuple[TestSequence, list[Pose]]:
+    import cv2
+
+    folder = _VISP_IMAGES / "mbt-depth" / "Castle-simu"
+    models = folder / "Models" / "chateau.cao", folder / "Models" / "cube.cao"
+    first, second = map(read_model, models)
+    n = len(first.vertices)
+    placed = second.vertices @ _CUBE_IN_CASTLE[:, :3].T + _CUBE_IN_CASTLE[:, 3]
+    both = Model(
+        np.vstack([first.vertices, placed]),
+        np.vstack([first.edges, second.edges + n]),
+        first.faces + tuple(tuple(row + n for row in face) for face in second.faces),
+    )
+    images = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in sorted((folder / "Images").glob("*"))]
+    truth = [_pose(np.loadtxt(file)[:3]) for file in sorted((folder / "CameraPose").glob("*"))]
+    # The file says 320, 240, counted from the corner of a pixel.
+    camera = PinholeCamera(640, 480, 700.0, 700.0, 319.5, 239.5)
+    visp_models = [(models[0], np.eye(4)[:3]), (models[1], _CUBE_IN_CASTLE)]
+    return TestSequence(camera, images, both, truth[0], visp_models, (85.0, 89.0)), truth
+
+
+def _cube() -> TestSequence:
+    import cv2
+
+    folder = _VISP_IMAGES / "mbt"
+    images = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in sorted((folder / "cube").glob("*.pgm"))]
+    numbers = np.array((folder / "cube.0.pos").read_text().split(), dtype=float)
+    camera = PinholeCamera(640, 480, 547.7367575, 542.0744058, 338.7036994, 234.5083345)
+    start = Pose(exponential(numbers[3:])[0], numbers[:3])
+    return TestSequence(
+        camera, images, read_model(folder / "cube.cao"), start, [(folder / "cube.cao", np.eye(4)[:3])], (65.0, 75.0)
+    )
+
+
+def _pose(matrix: Any) -> Pose:
+    left, _, right = np.linalg.svd(matrix[:, :3])
+    return Pose(left @ right, matrix[:, 3])
+
+
+def _error(a: Pose, b: Pose) -> tuple[float, float]:
+    turn = rotation_vector(a.rotation @ b.rotation.T)
+    return float(np.linalg.norm(a.translation - b.translation)), float(np.linalg.norm(turn))
+
+
+def _is_ok(result: Result) -> bool:
+    return result.tracking is not None and result.state == TrackingState.TRACKING
+
+
+def _squares(tracking: Any, true: Pose) -> float:
+    T_world_camera = true.inverse()
+    turn = rotation_vector(tracking.T_world_camera.rotation @ T_world_camera.rotation.T)
+    off = np.concatenate([tracking.T_world_camera.translation - T_world_camera.translation, turn])
+    return float(off @ np.linalg.solve(tracking.covariance, off))
+
+
+def _is_lost(pose: Pose | None, reference: Any) -> bool:
+    return pose is None or any(off > limit for off, limit in zip(_error(pose, reference), _LOST, strict=True))
+
+
+def _is_black(name: str, k: int) -> bool:
+    return name == "5 black frames" and 60 <= k < 65
+
+
+def _as_image(values: Any) -> Any:
+    return np.clip(np.round(values), 0, 255).astype(np.uint8)
+
+
+def _occluded(share: float) -> Callable[..., Any]:
+    """Cover a share of the object's box, from the left, from the 20th image on."""
+
+    def disturb(k: int, image: Any, pose: Pose, given: TestSequence) -> Any:
+        if k < 20:
+            return image
+        pixels = given.camera.project(given.model.vertices @ pose.rotation.T + pose.translation)
+        low, high = np.floor(pixels.min(axis=0)).astype(int) - 3, np.ceil(pixels.max(axis=0)).astype(int) + 3
+        low = np.maximum(low, 0)
+        covered = image.copy()
+        covered[low[1] : high[1], low[0] : low[0] + int((high[0] - low[0]) * share)] = 90
+        return covered
+
+    return disturb
+
+
+def _blurred(image: Any) -> Any:
+    import cv2
+
+    return cv2.GaussianBlur(image, (0, 0), 2)
+
+
+_MODES = ("edge", "scanline", "klt")
+_DISTURBANCES: dict[str, Callable[..., Any]] = {
+    "as is": lambda k, image, *_: image,
+    "every 3 rd image": lambda k, image, *_: image,
+    "every 5 th image": lambda k, image, *_: image,
+    "25 % occluded": _occluded(0.25),
+    "50 % occluded": _occluded(0.5),
+    "contrast a quarter": lambda k, image, *_: _as_image(120 + (image.astype(float) - 120) / 4),
+    "noise 15": lambda k, image, *_: _as_image(image + np.random.default_rng(k).normal(0, 15, image.shape)),
+    "blur 2 px": lambda k, image, *_: _blurred(image),
+    "5 black frames": lambda k, image, *_: np.zeros_like(image) if 60 <= k < 65 else image,
+    "light +-50 %": lambda k, image, *_: _as_image(image * (1 + 0.5 * np.sin(k / 8))),
+}
