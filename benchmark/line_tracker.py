@@ -165,7 +165,7 @@ def cube(visp: VispTracker | str, quick: bool) -> None:
     for name, disturb in _DISTURBANCES.items():
         if quick and name not in ("as is", "25 % occluded", "contrast a quarter"):
             continue
-        step = int(name.split()[1]) if name.startswith("every") else 1
+        step = int(name.split()[1][0]) if name.startswith("every") else 1
         images = [disturb(k, image, reference[k].pose, given) for k, image in enumerate(given.images)]
         ours = follow(given, images, step)
         rivals = [visp.follow(mode, given, images, step) for mode in _MODES]
@@ -320,8 +320,8 @@ def _blurred(image: Any) -> Any:
 _MODES = ("edge", "scanline", "klt")
 _DISTURBANCES: dict[str, Callable[..., Any]] = {
     "as is": lambda k, image, *_: image,
-    "every 3 rd image": lambda k, image, *_: image,
-    "every 5 th image": lambda k, image, *_: image,
+    "every 3rd image": lambda k, image, *_: image,
+    "every 5th image": lambda k, image, *_: image,
     "25 % occluded": _occluded(0.25),
     "50 % occluded": _occluded(0.5),
     "contrast a quarter": lambda k, image, *_: _as_image(120 + (image.astype(float) - 120) / 4),

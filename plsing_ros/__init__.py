@@ -9,12 +9,14 @@ from plsing_ros.control.servo_controller import Command, ServoController
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation, project
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.model_files import read_model
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.pose.estimate import PoseEstimate
 from plsing_ros.pose.estimator import estimate_pose
 from plsing_ros.simulation.simulate import SimulatedRun, simulate
 from plsing_ros.singularities import SingularSet, singular_set
+from plsing_ros.tracking import LineTracker, PinholeCamera
 
 __all__ = [
     "Assessment",
@@ -22,6 +24,8 @@ __all__ = [
     "LineObservation",
     "LineSelection",
     "LineSet",
+    "LineTracker",
+    "PinholeCamera",
     "PlsingError",
     "Pose",
     "PoseEstimate",
@@ -31,6 +35,7 @@ __all__ = [
     "SingularityMonitor",
     "estimate_pose",
     "project",
+    "read_model",
     "select_lines",
     "simulate",
     "singular_set",

@@ -195,14 +195,10 @@ def _add_cao(
 
 
 def _read_yaml(file: Path, frame: str) -> Model:
-    import yaml
+    # Only where such a file is read: the package imports without yaml.
+    from plsing_ros.geometry.yaml_file import read_yaml
 
-    try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneFileError(f"cannot read model file {file}: {error}") from None
-    except yaml.YAMLError as error:
-        raise SceneFileError(f"model file {file} is not YAML: {error}") from None
+    content = read_yaml(file, "model file")
     for node in content.values() if isinstance(content, dict) else ():
         parameters = node.get("ros__parameters") if isinstance(node, dict) else None
         described = parameters.get("model") if isinstance(parameters, dict) else None

@@ -17,17 +17,21 @@ DIRECTION_STD = 1e-3  # [rad]
 
 
 def read_scene(path: str | Path) -> LineSet:
-    """Return the lines that a ROS parameter file describes under lines.points, lines.directions, and so on.
+    """Return the lines that a ROS parameter file describes, under lines.points and so on or as edges under model.*.
 
     Args:
-        path: YAML file as for --params-file. The first node name in it that has lines is taken ("/**" as a rule); an
+        path: YAML file as for --params-file. The first node name in it that has either is taken ("/**" as a rule); an
             absent scene_frame means "world", and absent tolerances are those of the nodes, 1 mm and 1 mrad.
 
     Raises:
         SceneFileError: If the file cannot be read, is no such YAML, or does not describe lines; it names the file.
     """
     parameters = _scene_parameters(path)
-    lines = parameters["lines"]
+    lines = parameters.get("lines")
+    if lines is None:
+        from plsing_ros.geometry.model_files import read_model
+
+        return read_model(path).lines()
     try:
         return LineSet.from_points_directions(
             _rows("lines.points", lines["points"]),
@@ -51,7 +55,7 @@ def read_segment_ends(path: str | Path, count: int) -> Array | None:
     Raises:
         SceneFileError: As read_scene, and if there are not two ends for each line.
     """
-    ends = _scene_parameters(path)["lines"].get("ends", [])
+    ends = _scene_parameters(path).get("lines", {}).get("ends", [])
     if not ends:
         return None
     try:
@@ -72,6 +76,8 @@ def _scene_parameters(path: str | Path) -> dict[str, Any]:
             continue
         lines = parameters.get("lines")
         if isinstance(lines, dict) and "points" in lines and "directions" in lines:
+            return parameters
+        if isinstance(parameters.get("model"), dict):
             return parameters
     raise SceneFileError(
         f"scene file {path} has no lines; expected <node>: ros__parameters: lines: points: [x1, y1, z1, ...], "

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from plsing_ros.errors import ParameterError, PlsingError
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.model import Model
+from plsing_ros.geometry.model_files import model_from_lists, read_model
 from plsing_ros.geometry.scene_file import DIRECTION_STD, POSITION_STD
 from plsing_ros.parameters.parameter_set import ParameterSet, parameter
 
+_ROWS: dict[str, Any] = {"minimum": -1, "maximum": 10**6, "live": False}
 _INT32 = {"minimum": -(2**31), "maximum": 2**31 - 1}
 
 
@@ -19,7 +23,7 @@ _INT32 = {"minimum": -(2**31), "maximum": 2**31 - 1}
 class SceneParameters(ParameterSet):
     """The lines of the scene as flat arrays, row i of each belonging to line i; at least one line.
 
-    The default is empty, which `lines` refuses: a scene must be given.
+    The default is empty, which `check` refuses: lines must be given, or an object, whose edges are the lines then.
     """
 
     lines_points: tuple[float, ...] = parameter(
@@ -66,8 +70,37 @@ class SceneParameters(ParameterSet):
         live=False,
     )
 
+    model_file: str = parameter(
+        "",
+        "model.file",
+        "Path of the object's model, an .obj, .cao or .yaml file; if empty, model.vertices",
+        live=False,
+    )
+    model_vertices: tuple[float, ...] = parameter(
+        (), "model.vertices", "Corners of the object, in the scene frame (x1, y1, z1, x2, ...)", unit="m", live=False
+    )
+    model_faces: tuple[int, ...] = parameter(
+        (), "model.faces", "Rows of model.vertices round each flat face, from 0; -1 ends a face", **_ROWS
+    )
+    model_edges: tuple[int, ...] = parameter(
+        (), "model.edges", "Pairs of rows of model.vertices; if empty, the borders of the faces", **_ROWS
+    )
+    model_ids: tuple[int, ...] = parameter(
+        (),
+        "model.ids",
+        "Distinct id of each edge, as in line_features; if empty: 1 to n",
+        minimum=-(2**31),
+        maximum=2**31 - 1,
+        live=False,
+    )
+
     def check(self) -> None:
-        """Refuse a scene whose arrays do not describe lines."""
+        """Refuse arrays that describe no lines; where only an object is given, take its edges."""
+        if not self.lines_points and not self.lines_directions and (self.model_file or self.model_vertices):
+            edges = self.model().lines()
+            object.__setattr__(self, "lines_points", tuple(edges.pivot.ravel().tolist()))
+            object.__setattr__(self, "lines_directions", tuple(edges.direction.ravel().tolist()))
+            object.__setattr__(self, "lines_ids", edges.ids)
         if not self.lines_points and not self.lines_directions:
             raise ParameterError(
                 "parameters 'lines.points' and 'lines.directions' are empty: no scene given; "
@@ -90,6 +123,30 @@ class SceneParameters(ParameterSet):
             self.lines()
         except PlsingError as error:
             raise ParameterError(f"parameters 'lines.*': {error}") from None
+
+    def model(self) -> Model:
+        """Return the object, in the scene frame.
+
+        Raises:
+            ParameterError: If none is given, or the file or the lists do not describe one.
+        """
+        if not self.model_file and not self.model_vertices:
+            raise ParameterError(
+                "parameters 'model.file' and 'model.vertices' are empty: no object given; name its model, for example "
+                "-p model.file:=part.obj"
+            )
+        try:
+            if self.model_file:
+                return read_model(Path(self.model_file), self.scene_frame)
+            return model_from_lists(
+                list(self.model_vertices),
+                list(self.model_faces),
+                list(self.model_edges),
+                list(self.model_ids),
+                self.scene_frame,
+            )
+        except PlsingError as error:
+            raise ParameterError(f"parameters 'model.*': {error}") from None
 
     def require_three_lines(self, purpose: str) -> None:
         """Refuse a scene of fewer than three lines, with what they are needed for in words."""

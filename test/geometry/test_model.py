@@ -9,6 +9,8 @@ from strategies import poses
 from plsing_ros.errors import GeometryError, SceneFileError
 from plsing_ros.geometry.model import Model
 from plsing_ros.geometry.model_files import read_model
+from plsing_ros.geometry.scene_file import read_scene
+from plsing_ros.parameters import SceneParameters
 
 CORNERS = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=float)
 QUADS = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
@@ -66,6 +68,13 @@ def test_all_kinds_of_files_give_the_same_box(tmp_path):
     models = [read_model(tmp_path / name) for name in ("box.obj", "box.cao", "box.yaml", "named.yaml")]
     assert all(ends(model) == ends(models[0]) and len(model.triangles) == 12 for model in models)
     assert models[2].frame == "part"
+    # The same file is a scene for all other nodes and commands, with the same ids and directions.
+    lines, edges = read_scene(tmp_path / "named.yaml"), models[0].lines()
+    parameters = SceneParameters.from_values({"model.file": str(tmp_path / "box.obj")})
+    for scene in (lines, parameters.lines()):
+        assert scene.ids == edges.ids == tuple(range(1, 13))
+        np.testing.assert_allclose(scene.direction, edges.direction, atol=1e-12)
+        np.testing.assert_allclose(scene.moment, edges.moment, atol=1e-12)
 
 
 @pytest.mark.parametrize(
