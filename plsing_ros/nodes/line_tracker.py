@@ -144,7 +144,7 @@ class LineTrackerNode(ParameterizedNode[LineTrackerParameters]):
             observation = tracking.observation
         else:
             n = len(self._model)
-            observation = LineObservation(self._model.ids, np.zeros((n, 3)), np.zeros(n, dtype=bool), None)
+            observation = LineObservation(self._model.ids, np.zeros((n, 3)), np.zeros(n, dtype=bool))
         self._features.publish(features_message(observation, header(stamp, self.parameters.camera_frame)))
         if tracking is not None and tracking.T_world_camera is not None and report.usable:
             in_scene = header(stamp, self.parameters.scene_frame)

@@ -242,7 +242,7 @@ class LineTracker:
             reason,
             T_world_camera,
             to_scene @ covariance @ to_scene.T,
-            *self._observation(fit, good),
+            self._observation(fit, good),
             fit.support,
             fit.chance,
             0 if points is None else len(points.points),
@@ -283,7 +283,7 @@ class LineTracker:
         explains = counts[:, 1].sum() >= (1.0 - _MIN_GAIN) * fit.counts[:, 1].sum()
         return other if explains and angle_between(other, pose) > 0.5 * angle_between(start, pose) else None
 
-    def _observation(self, fit: _Fit, good: npt.NDArray[np.bool_]) -> tuple[LineObservation, Array]:
+    def _observation(self, fit: _Fit, good: npt.NDArray[np.bool_]) -> LineObservation:
         n = len(self.model)
         image_lines = np.zeros((n, 3))
         usable = np.zeros(n, dtype=bool)
@@ -292,12 +292,12 @@ class LineTracker:
             image_lines[row] = np.cos(line[0]), np.sin(line[0]), line[1]
             covariances[row] = line[2:5]
             usable[row] = True
-        return LineObservation(self.model.ids, image_lines, usable, None), covariances
+        return LineObservation(self.model.ids, image_lines, usable, covariances=covariances)
 
     def _lost(self, reason: str) -> Tracking:
         n = len(self.model)
-        nothing = LineObservation(self.model.ids, np.zeros((n, 3)), np.zeros(n, dtype=bool), None)
-        return Tracking(TrackingState.LOST, reason, None, np.zeros((6, 6)), nothing, np.zeros((n, 3)), 0.0, 0.0, 0)
+        nothing = LineObservation(self.model.ids, np.zeros((n, 3)), np.zeros(n, dtype=bool))
+        return Tracking(TrackingState.LOST, reason, None, np.zeros((6, 6)), nothing, 0.0, 0.0, 0)
 
     def _checked(self, image: Image) -> Image:
         array = np.asarray(image)

@@ -29,10 +29,8 @@ class Tracking:
         T_world_camera: The pose; None if LOST.
         covariance: Of the pose, as in geometry_msgs/PoseWithCovariance: x, y, z, and rotations about the scene's fixed
             axes, shape (6, 6) [m^2, m rad, rad^2]; zero if LOST.
-        observation: The image lines of all edges, with the model's ids; hidden ones and those that were not found are
-            not usable, and none is if LOST.
-        line_covariances: Of the image lines, rows of phi phi, phi rho, rho rho for l' = (cos phi, sin phi, rho), shape
-            (n, 3) [rad^2, rad, 1]; zero where not usable.
+        observation: The image lines of all edges with their covariances and the model's ids; hidden ones and those
+            that were not found are not usable, and none is if LOST.
         support: Share of the samples along visible edges where the image has an edge, in [0, 1].
         chance: Share of them that would have one at a place picked at random, in [0, 1].
         point_count: Points of the faces that agree with the pose, 0 without this cue.
@@ -43,7 +41,6 @@ class Tracking:
     T_world_camera: Pose | None
     covariance: Array
     observation: LineObservation
-    line_covariances: Array
     support: float
     chance: float
     point_count: int

@@ -37,7 +37,7 @@ def test_a_moving_box_is_tracked_and_its_uncertainty_is_honest(camera, patches, 
         squares.append(off @ np.linalg.solve(each.covariance, off))
         image = project_lines(box().lines().transformed(pose.inverse(), "camera")).reshape(-1, 3)
         for row in np.flatnonzero(each.observation.usable):
-            seen, (pp, pr, rr) = each.observation.image_lines[row], each.line_covariances[row]
+            seen, (pp, pr, rr) = each.observation.image_lines[row], each.observation.covariances[row]
             angle = np.arctan2(np.linalg.det([image[row, :2], seen[:2]]), image[row, :2] @ seen[:2])
             d = np.array([angle, seen[2] - image[row, 2]])
             squares_of_lines.append(d @ np.linalg.solve([[pp, pr], [pr, rr]], d))
