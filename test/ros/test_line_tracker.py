@@ -93,6 +93,7 @@ def test_images_become_line_features_and_a_pose(loop):
     loop.begin(Pose(np.eye(3), [0.004, -0.003, 0.002]) @ START)
     status, features = loop.answer(loop.picture())
     assert (status.name, status.message) == ("TRACKING", "") and sum(features.visible) >= 6
+    assert len(features.covariances) == 3 * len(features.ids) and min(np.array(features.covariances)[::3]) >= 0.0
     loop.ros.spin_until(lambda: loop.poses, "the pose")
     p = loop.poses[-1].pose.pose.position
     assert [p.x, p.y, p.z] == pytest.approx(START.translation, abs=3e-3)
