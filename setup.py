@@ -56,7 +56,7 @@ if importlib.util.find_spec("pybind11"):
 def shared_files() -> list[tuple[str, list[str]]]:
     """Return what is installed in share/plsing_ros as data_files entries: each folder with the files in it."""
     files_of: dict[Path, list[str]] = {}
-    for pattern in ("config/**/*.*", "launch/*.launch.py", "docs/**/*.md"):
+    for pattern in ("config/**/*.*", "launch/*.launch.py", "docs/**/*.md", "docs/howto/*.py"):
         for file in sorted(Path().glob(pattern)):
             files_of.setdefault(file.parent, []).append(str(file))
     return [(str(SHARE / folder), files) for folder, files in files_of.items()]
@@ -90,6 +90,8 @@ setup(
         "files": ["PyYAML>=6,<7", "tqdm>=4,<5", "matplotlib>=3.6,<4"],
         "page": ["plotly>=5,<7"],
         "proofs": ["sympy>=1.12,<2", "mpmath>=1.3,<2"],
+        # Without it `colcon test` finds no way to run the tests, and reports success.
+        "test": ["pytest", "hypothesis"],
     },
     zip_safe=False,
     maintainer="plsing_ros developers",

@@ -115,7 +115,18 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._warning = ""
 
     def activate(self) -> None:
-        """Say where it leads, and what is doubtful about it."""
+        """Say what it is going to do, where it leads, and what is doubtful about it."""
+        parameters = self.parameters
+        limits = [parameters.max_linear_speed, parameters.max_angular_speed]
+        speeds = ["at any" if value == 0.0 else f"at most {value:g}" for value in limits]
+        self.get_logger().info(
+            f"law {parameters.law}, gain {parameters.gain:g} 1/s, {speeds[0]} m/s and {speeds[1]} rad/s; "
+            f"{len(parameters.lines_points) // 3} lines in {parameters.scene_frame}; target from "
+            f"{parameters.target_source}, gate {parameters.gate}; {self.topics('line_features', 'cmd_twist')}"
+        )
+        self._say_where_it_leads()
+
+    def _say_where_it_leads(self) -> None:
         self._report_warning()
         self._show_target()
 
@@ -142,7 +153,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
             for change in changes:
                 self.report(change, good=True)
             if self.active:
-                self.activate()
+                self._say_where_it_leads()
 
         return put_in_force
 
@@ -225,8 +236,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._publish_path(stamp)
         previous, self._latest = self._latest, command
         if previous is None or command.mode is not previous.mode:
-            bad = _LEVELS[command.mode] in (DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
-            self.report(f"{command.mode.name}  {command.reason}".strip(), good=not bad)
+            self.report(f"{command.mode.name}  {command.reason}".strip(), _LEVELS[command.mode])
 
     def _publish_path(self, stamp: int) -> None:
         plan = self._servo.plan
@@ -236,11 +246,12 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         poses = () if plan is None or plan.path is None else plan.path.sampled(_PATH_POSES)
         self._path.publish(path_message(poses, header(stamp, self.parameters.scene_frame)))
         if plan is not None:
-            self.report(f"{plan.decision.name}  {plan.reason}", good=plan.path is not None)
+            level = DiagnosticStatus.ERROR if plan.path is None else DiagnosticStatus.OK
+            self.report(f"{plan.decision.name}  {plan.reason}", level)
 
     def _report_warning(self) -> None:
         if self._servo.warning and self._servo.warning != self._warning:
-            self.report(self._servo.warning, good=False)
+            self.report(self._servo.warning, DiagnosticStatus.WARN)
         self._warning = self._servo.warning
 
     def _report_diagnostics(self) -> tuple[bytes, str, Mapping[str, str]]:

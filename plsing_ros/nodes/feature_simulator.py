@@ -36,6 +36,7 @@ class FeatureSimulatorNode(ParameterizedNode[SimulatorParameters]):
         super().__init__("feature_simulator", SimulatorParameters, **options)
         parameters = self.parameters
         self._lockstep = parameters.mode == "lockstep"
+        self._stands: bool | None = None
         # The messages of each frame are made once and filled again: to make one takes longer than to send it.
         self._in_scene = Header(frame_id=parameters.scene_frame)
         self._clock_message = Clock()
@@ -61,6 +62,15 @@ class FeatureSimulatorNode(ParameterizedNode[SimulatorParameters]):
     def configure(self) -> None:
         """Put the camera at its start."""
         self._simulation = Simulation(self.parameters)
+
+    def activate(self) -> None:
+        """Say what it is going to do."""
+        parameters = self.parameters
+        self.get_logger().info(
+            f"{parameters.mode}, a frame each {parameters.time_step:g} s, noise {parameters.noise:g}; "
+            f"{len(parameters.lines_points) // 3} lines in {parameters.scene_frame}; "
+            f"{self.topics('cmd_twist', 'line_features')}"
+        )
 
     def fail(self, reason: str) -> None:
         """Let the camera stand still."""
@@ -117,6 +127,12 @@ class FeatureSimulatorNode(ParameterizedNode[SimulatorParameters]):
             self._clock_topic.publish(self._clock_message)
         self._features.publish(self._features_message)
         self._diagnostics.count(frame.stamp)
+        if self._stands is not bool(frame.reason):
+            self._stands = bool(frame.reason)
+            self.report(
+                f"the camera stands still: {frame.reason}" if frame.reason else "the camera moves",
+                DiagnosticStatus.WARN if frame.reason else DiagnosticStatus.OK,
+            )
         if self._state.get_subscription_count():
             self._publish_state(frame)
 

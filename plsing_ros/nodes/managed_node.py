@@ -6,6 +6,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any, ClassVar
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock
@@ -40,7 +41,7 @@ class ManagedNode(LifecycleNode):
 
     def __init__(self, name: str, **options: Any) -> None:
         """Create the node, unconfigured; options are those of rclpy.node.Node."""
-        self._configured = self._active = self._starting = False
+        self._configured = self._active = self._starting = self._ending = False
         self._failure = ""
         self._latched: dict[str, tuple[Callable[[Any], None], Any]] = {}
         super().__init__(name, **options)
@@ -114,13 +115,20 @@ class ManagedNode(LifecycleNode):
         nanoseconds: int = self.get_clock().now().nanoseconds
         return nanoseconds
 
-    def report(self, text: str, good: bool) -> None:
-        """Log a change of state, as information or as a warning."""
-        # Two calls, because rclpy ties a severity to a place in the source.
-        if good:
+    def report(self, text: str, level: bytes) -> None:
+        """Log a change of state, as severe as its level of diagnostic_msgs/DiagnosticStatus."""
+        # One call for each, because rclpy ties a severity to a place in the source.
+        # That it is told to stop is no error.
+        if level == DiagnosticStatus.OK or self._ending:
             self.get_logger().info(text)
+        elif level == DiagnosticStatus.ERROR:
+            self.get_logger().error(text)
         else:
             self.get_logger().warning(text)
+
+    def topics(self, source: str, result: str) -> str:
+        """Return where a node listens and what it publishes, with the names after remapping, for its first line."""
+        return f"{self.resolve_topic_name(source)} in, {self.resolve_topic_name(result)} out"
 
     def advertise(self, message_type: type, topic: str, profile: Any) -> Publisher:
         """Create a publisher whose quality of service can be overridden by parameters."""
@@ -228,10 +236,11 @@ class ManagedNode(LifecycleNode):
             callback(message)
 
     def _end(self, reason: str) -> None:
+        self._ending = True
         try:
             self.deactivate(reason)
         finally:
-            self._active = False
+            self._active = self._ending = False
 
     def _transition(self, name: str, action: Callable[[], None]) -> TransitionCallbackReturn:
         try:

@@ -15,7 +15,7 @@ from plsing_ros.figures.segments import segments_in_ball
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.nodes.conversions import point_message
-from plsing_ros.singularities import SingularSet, surface_triangles
+from plsing_ros.singularities import Kind, SingularSet, surface_triangles
 
 # Lines are drawn within this many scene lengths (mean distance of the lines from their centre) of the scene's centre.
 _REACH = 6.0
@@ -26,7 +26,10 @@ _PATH_LENGTH = 2000
 _OBSERVED = ColorRGBA(r=0.1, g=0.1, b=0.1, a=1.0)
 _TRANSVERSAL = ColorRGBA(r=1.0, g=0.5, b=0.0, a=1.0)
 _POINT = ColorRGBA(r=0.9, g=0.1, b=0.1, a=1.0)
+_NEARLY = ColorRGBA(r=1.0, g=0.75, b=0.45, a=1.0)
 _SURFACE = ColorRGBA(r=0.3, g=0.5, b=1.0, a=0.35)
+_COLORS = {Kind.OBSERVED_LINE: _OBSERVED, Kind.TRANSVERSAL: _TRANSVERSAL}
+_DASHES = 30
 _LEVELS = {
     Level.OK: ColorRGBA(r=0.1, g=0.7, b=0.1, a=1.0),
     Level.WARN: ColorRGBA(r=1.0, g=0.7, b=0.0, a=1.0),
@@ -52,9 +55,39 @@ def scene_markers(singular: SingularSet, head: Header) -> MarkerArray:
         mesh = _marker(head, "surfaces", Marker.TRIANGLE_LIST, 1.0, _SURFACE, number)
         mesh.points = _points(surface_triangles(surface, center, 0.5 * radius))
         markers.append(mesh)
+    if not singular.transversals and len(singular.lines) > 4:
+        near = singular.nearest_transversal
+        dashes = _marker(head, "nearest_transversal", Marker.LINE_LIST, 0.7 * width, _NEARLY)
+        dashes.points = _points(_dashed(near.point, near.direction, center, radius))
+        markers.append(dashes)
     # A marker without points is an error to the viewers; and what an earlier scene had must go.
     kept = [marker for marker in markers if marker.points]
-    return MarkerArray(markers=[Marker(header=head, action=Marker.DELETEALL), *kept])
+    return MarkerArray(markers=[Marker(header=head, action=Marker.DELETEALL), *kept, *_labels(singular, head, radius)])
+
+
+def _labels(singular: SingularSet, head: Header, radius: float) -> list[Marker]:
+    """Return the names that alerts and statuses use, each at its locus; those of lines apart, near their drawn ends."""
+    center = singular.frame.center
+    closest = singular.distance_arrays(center).closest_point
+    directions = singular.lines_and_points[1]
+    labels = []
+    for number, (name, kind, place) in enumerate(zip(singular.locus_names, singular.locus_kinds, closest, strict=True)):
+        # What lies further away than what is drawn has no label either.
+        if np.linalg.norm(place - center) > radius:
+            continue
+        label = _marker(head, "labels", Marker.TEXT_VIEW_FACING, 0.03 * radius, _COLORS.get(kind, _POINT), number)
+        label.text = name
+        along = 0.9 * radius * directions[number] if number < len(directions) else np.zeros(3)
+        label.pose.position = point_message(place + along + [0.0, 0.0, 0.02 * radius])
+        labels.append(label)
+    return labels
+
+
+def _dashed(point: Array, direction: Array, center: Array, radius: float) -> Array:
+    """Return every second piece of a line in a ball, shape (k, 2, 3) [m]."""
+    (start, end), *_ = np.reshape(segments_in_ball(point[None], direction[None], center, radius), (-1, 2, 3))
+    steps = np.linspace(start, end, 2 * _DASHES)
+    return np.stack([steps[0::2], steps[1::2]], axis=1)
 
 
 class CameraMarkers:
@@ -72,9 +105,9 @@ class CameraMarkers:
         Args:
             T_world_camera: Where the camera is.
             level: Of concern, for the colour.
-            text: Shown beside the camera.
+            text: Shown beside the camera, one line for each part between semicolons.
             unobservable_motion: Twist in the optical frame, shape (6,), or None.
-            head: Stamp, and the scene's frame.
+            head: The scene's frame; its stamp is not used.
         """
         color = _LEVELS.get(level, _UNKNOWN)
         center = point_message(T_world_camera.translation)
@@ -82,7 +115,7 @@ class CameraMarkers:
         frustum = _marker(head, "camera", Marker.LINE_LIST, 0.03 * self._size, color)
         frustum.points = _points(_frustum(T_world_camera, self._size))
         note = _marker(head, "status", Marker.TEXT_VIEW_FACING, 0.25 * self._size, color)
-        note.text = text
+        note.text = text.replace("; ", "\n")
         note.pose.position = point_message(
             T_world_camera.translation - 0.7 * self._size * T_world_camera.rotation[:, 1]
         )
@@ -110,7 +143,10 @@ def _frustum(T_world_camera: Pose, size: float) -> Array:
 
 
 def _marker(head: Header, namespace: str, kind: int, scale: float, color: ColorRGBA, number: int = 0) -> Marker:
-    marker = Marker(header=head, ns=namespace, id=number, type=kind, action=Marker.ADD, color=color)
+    marker = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD, color=color)
+    # Without a stamp, and locked to the frame: a viewer that starts late has no transform of the time it was made.
+    marker.header.frame_id = head.frame_id
+    marker.frame_locked = True
     marker.pose.orientation.w = 1.0
     marker.scale.x = marker.scale.y = marker.scale.z = float(scale)
     return marker

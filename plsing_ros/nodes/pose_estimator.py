@@ -60,6 +60,14 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
         self._tracking = PoseTracker(self.parameters)
         self._latest = None
 
+    def activate(self) -> None:
+        """Say what it is going to do."""
+        parameters = self.parameters
+        self.get_logger().info(
+            f"{len(parameters.lines_points) // 3} lines in {parameters.scene_frame}; "
+            f"{self.topics('line_features', 'completed_line_features')}"
+        )
+
     def deactivate(self, reason: str) -> None:
         """Say that no pose is known any more."""
         self.fail(reason)
@@ -105,7 +113,7 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
         self._state.publish(pose_estimate_message(estimate, in_scene))
         previous, self._latest = self._latest, tracked
         if previous is None or previous.estimate.verdict is not estimate.verdict:
-            self.report(f"{estimate.verdict.name}  {estimate.reason}".strip(), good=estimate.verdict is Verdict.OK)
+            self.report(f"{estimate.verdict.name}  {estimate.reason}".strip(), _DIAGNOSTIC_LEVELS[estimate.verdict])
 
     def _report_diagnostics(self) -> tuple[bytes, str, Mapping[str, str]]:
         if self._latest is None:

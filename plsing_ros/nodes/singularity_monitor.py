@@ -163,7 +163,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         before = assessment.level if previous is None else previous.level
         alert = alert_message(assessment, before, self.parameters.camera_frame, self.parameters.scene_frame)
         self._alerts.publish(alert)
-        self.report(alert.text, good=assessment.level is Level.OK)
+        self.report(alert.text, _DIAGNOSTIC_LEVELS[assessment.level])
 
     def _on_marker_timer(self) -> None:
         latest = self._latest
@@ -197,7 +197,10 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         self._loci.publish(loci_message(found, head))
         self._scene_markers.publish(scene_markers(found, head))
         self._camera = CameraMarkers(found)
-        self.get_logger().info(f"singular set of {len(found.lines)} lines: {found.description}")
+        self.get_logger().info(
+            f"singular set of {len(found.lines)} lines: {found.description} "
+            f"{self.topics('line_features', 'singularity_status')}"
+        )
 
 
 _EXAMPLES = """examples:

@@ -5,6 +5,10 @@ import json
 import numpy as np
 import pytest
 import yaml
+from matplotlib import image
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
@@ -48,6 +52,7 @@ def test_every_marker_can_be_drawn(name):
         assert marker.header.frame_id == "world"
         if marker.action in (Marker.DELETEALL, Marker.DELETE):
             continue
+        assert marker.frame_locked and (marker.header.stamp.sec, marker.header.stamp.nanosec) == (0, 0)
         assert marker.color.a > 0.0
         assert marker.pose.orientation.w == 1.0
         assert min(marker.scale.x, marker.scale.y, marker.scale.z) > 0.0
@@ -71,7 +76,78 @@ def test_what_is_drawn_is_what_was_found():
     assert ALL["four lines"][0].action == Marker.DELETEALL  # nothing of an earlier scene stays
     assert len(names["transversals"].points) == 4 and len(names["isolated_points"].points) == 6
     assert [marker.ns for marker in ALL["three lines"]].count("surfaces") == 2
-    assert {marker.ns for marker in ALL["corridor"]} == {"", "observed_lines"}
+    assert {marker.ns for marker in ALL["corridor"]} == {"", "observed_lines", "labels"}
+
+
+def test_every_locus_in_reach_is_labelled_with_its_name_at_its_place():
+    labels = {marker.text: marker.pose.position for marker in ALL["four lines"] if marker.ns == "labels"}
+    center, reach = PAPER.frame.center, 6.0 * PAPER.frame.length
+    for name, place in zip(PAPER.locus_names, PAPER.distance_arrays(center).closest_point, strict=True):
+        assert (name in labels) == (np.linalg.norm(place - center) <= reach)
+        if name in labels:
+            at = labels[name]
+            # Just above it: distance_arrays measures how far the label is from the locus that it names.
+            distances = dict(zip(PAPER.locus_names, PAPER.distance_arrays([at.x, at.y, at.z]).distance, strict=True))
+            assert distances[name] <= 0.03 * reach
+    assert {"transversal 1", "line 1", "isolated point 1"} <= set(labels)
+
+
+def test_five_lines_that_no_line_meets_show_the_one_that_nearly_does():
+    lines = read_scene(config_file("small_object.yaml")).select([0, 1, 2, 3, 6, 7])
+    singular = singular_set(lines)
+    (dashes,) = [each for each in scene_markers(singular, HEAD).markers if each.ns == "nearest_transversal"]
+    points = np.array([[p.x, p.y, p.z] for p in dashes.points])
+    near = singular.nearest_transversal
+    assert np.abs(np.cross(points - near.point, near.direction)).max() < 1e-9 * singular.frame.length
+    assert not any(each.ns == "nearest_transversal" for each in ALL["four lines"])
+
+
+def test_a_status_of_several_reasons_has_several_lines():
+    camera = CameraMarkers(PAPER)
+    pose = Pose(np.eye(3), np.array([0.0, 0.0, 5.0]))
+    markers = camera.markers(pose, Level.WARN, "WARN: near; 0.2 m from transversal 1", None, HEAD).markers
+    (note,) = [each for each in markers if each.ns == "status"]
+    assert note.text.splitlines() == ["WARN: near", "0.2 m from transversal 1"]
+
+
+def drawn(markers):
+    """A picture of markers as a viewer draws them, seen along the y axis: what each marker colours, by namespace."""
+    figure = Figure(figsize=(6, 6), dpi=100)
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.add_axes([0, 0, 1, 1], projection="3d")
+    axes.set_axis_off()
+    for marker in markers:
+        points = np.array([[p.x, p.y, p.z] for p in marker.points]).reshape(-1, 3)
+        color = (marker.color.r, marker.color.g, marker.color.b, marker.color.a)
+        if marker.type == Marker.LINE_LIST:
+            axes.add_collection3d(Line3DCollection(points.reshape(-1, 2, 3), colors=[color]))
+        elif marker.type == Marker.LINE_STRIP:
+            axes.plot(*points.T, color=color)
+        elif marker.type == Marker.SPHERE_LIST:
+            axes.scatter(*points.T, color=color, s=20)
+        elif marker.type == Marker.TRIANGLE_LIST:
+            axes.add_collection3d(Poly3DCollection(points.reshape(-1, 3, 3), facecolors=color))
+        elif marker.type == Marker.ARROW:
+            axes.quiver(*points[0], *(points[1] - points[0]), color=color)
+        elif marker.type == Marker.TEXT_VIEW_FACING:
+            p = marker.pose.position
+            axes.text(p.x, p.y, p.z, marker.text, color=color, fontsize=7)
+    axes.auto_scale_xyz(*np.array([[-5, 5]] * 3))
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())
+
+
+def test_a_picture_of_the_markers_shows_them(tmp_path):
+    """Each marker is seen: the picture without it is another one."""
+    markers = [each for each in ALL["four lines"] + ALL["camera losing a motion"] if each.action == Marker.ADD]
+    whole = drawn(markers)
+    image.imsave(tmp_path / "markers.png", whole)
+    assert (whole[..., :3] < 250).any(axis=-1).mean() > 0.01
+    for left_out in markers:
+        if left_out.ns == "labels":
+            continue
+        without = drawn([each for each in markers if each is not left_out])
+        assert (without != whole).any(axis=-1).sum() > 10, left_out.ns
 
 
 def test_the_mesh_of_a_surface_lies_on_it():
@@ -100,7 +176,7 @@ def test_the_path_keeps_the_color_of_each_pose():
 def test_the_viewers_files_name_our_topics():
     rviz = yaml.safe_load(config_file("rviz/singularity.rviz").read_text())
     topics = [each["Topic"]["Value"] for each in rviz["Visualization Manager"]["Displays"] if "Topic" in each]
-    assert topics == ["/singularity_markers", "/camera_markers"]
+    assert topics == ["/singularity_markers", "/camera_markers", "/controller/planned_path"]
     assert rviz["Visualization Manager"]["Global Options"]["Fixed Frame"] == "world"
     foxglove = json.loads(config_file("foxglove/singularity.json").read_text())
     assert set(foxglove["configById"]["3D!loci"]["topics"]) == set(topics)
