@@ -7,6 +7,7 @@ import pytest
 
 from plsing_ros.control.halt_messages import HaltMessages
 from plsing_ros.control.servo_controller import ServoController
+from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.scene_file import read_scene
@@ -48,7 +49,10 @@ def answers(servo, first, pose=START, verdict=LinesVerdict.GIVEN, late=0, frames
     for k in range(first, first + frames):
         stamp = NOW + k * STEP
         servo.gate.receive(int(Level.WARN), "near", stamp - 5 * 10**6, stamp)
-        command = servo.answer(seen(pose, verdict, **off), stamp, stamp + late)
+        try:
+            command = servo.answer(seen(pose, verdict, **off), stamp, stamp + late)
+        except ObservationError as error:
+            command = servo.halt(str(error))
         result.append((command.mode, command.reason, *command.output, command.scale, command.gain))
     return result
 
