@@ -107,7 +107,7 @@ class _Relations:
         count = int(label.max()) + 1
         self.class_of = label
         self.axis, self.axis_variance = np.empty((count, 3)), np.empty(count)
-        weight = 1.0 / np.maximum(std, 1e-300) ** 2
+        weight = 1.0 / np.maximum(std, 1e-150) ** 2
         for each in range(count):
             rows = np.flatnonzero(label == each)
             sign = np.sign(direction[rows] @ direction[rows[0]])
