@@ -10,7 +10,7 @@ from plsing_ros.features import Conditioning
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Approach, Trend
-from plsing_ros.singularities import LocusDistance
+from plsing_ros.singularities import LocusDistance, Proximity
 
 
 class Assessment(NamedTuple):
@@ -35,6 +35,7 @@ class Assessment(NamedTuple):
         describe_unobservable_motion: Returns the least observable direction in words, near a singularity; else nothing.
         target_inverse_condition_number: At the target with the same lines, or None if no target is known.
         pose: T_world_camera that the distances belong to, or None if the camera position is not known.
+        proximity: Of the camera to a singular centre, for 1 mrad of image noise, likewise.
     """
 
     level: Level
@@ -52,6 +53,7 @@ class Assessment(NamedTuple):
     describe_unobservable_motion: Callable[[], str] = str
     target_inverse_condition_number: float | None = None
     pose: Pose | None = None
+    proximity: Proximity | None = None
 
     def __str__(self) -> str:
         nearest = "" if self.nearest is None else f"; nearest: {self.nearest}"

@@ -14,7 +14,7 @@ from plsing_ros.monitoring.approach import Approach
 from plsing_ros.monitoring.closed_loop_rollout import Expected
 from plsing_ros.monitoring.hysteresis import Thresholds, threshold_text
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.singularities import Kind, SingularSet
+from plsing_ros.singularities import Kind, Proximity, SingularSet
 
 _DISTANCES = {
     "transversal_distance": (Kind.TRANSVERSAL,),
@@ -24,6 +24,9 @@ _DISTANCES = {
 _CONDITION, _RELATIVE = "inverse_condition_number", "relative_inverse_condition_number"
 _CRITICAL_CONDITION = "the critical inverse condition number"
 _SMALLEST, _GROWTH, _TIME = "smallest_singular_value", "speed_growth", "time"
+_Z, _PRECISION = "z", "position_std"
+# The worse the larger they are: their inverses are judged. With the unit that a threshold is said in.
+_RISING = {_GROWTH: "times", _PRECISION: "m"}
 # Share of trust: POOR lines may be wrong near a singularity, of AMBIGUOUS ones every number may be of another pose.
 _TRUST = {LinesVerdict.POOR: 0.5, LinesVerdict.AMBIGUOUS: 0.0}
 _TRUST_THRESHOLDS = Thresholds(0.75, 0.25, 0.75, 0.25)
@@ -50,11 +53,11 @@ class Indicator(NamedTuple):
 
     def reason(self, level: Level) -> str:
         """Return why it calls for a level, in words."""
-        if self.name != _GROWTH:
+        if self.name not in _RISING:
             return f"{self.text()} is {threshold_text(self.value, self.thresholds, level, self.unit)}"
         threshold = self.thresholds.critical if level == Level.CRITICAL else self.thresholds.warn
         side = "above" if self.value < threshold else "not yet clearly below"
-        return f"{self.text()} is {side} {1.0 / threshold:.4g} times"
+        return f"{self.text()} is {side} {1.0 / threshold:.4g} {_RISING[self.name]}"
 
 
 _TRUSTED = Indicator("lines_verdict", 1.0, _TRUST_THRESHOLDS, lambda: "trust in the 3-D lines, poor a moment ago,")
@@ -69,7 +72,8 @@ class Indicators:
         self._absolute_rules, self._relative_may_rule = mode in ("absolute", "both"), mode != "absolute"
         self._absolute_stands_in = mode == "auto"
         self._thresholds = {
-            name: _thresholds(parameters, name) for name in (*_DISTANCES, _CONDITION, _RELATIVE, _SMALLEST, _GROWTH)
+            name: _thresholds(parameters, name)
+            for name in (*_DISTANCES, _CONDITION, _RELATIVE, _SMALLEST, _Z, _PRECISION, _GROWTH)
         }
         self._soon = Thresholds(parameters.horizon, 0.0)
         self._no_growth = Indicator(_GROWTH, math.inf, self._thresholds[_GROWTH], lambda: "speed, no longer predicted,")
@@ -81,8 +85,21 @@ class Indicators:
                 # Loci of one threshold are next to each other.
                 self._distances.append((name, rows[0], rows[-1] + 1, self._thresholds[name]))
 
-    def measured(self, numbers: Conditioning, target_inverse: float | None, distance: Array | None) -> list[Indicator]:
-        """Return what is known of the present: conditioning, and distances [m] in the order of the set, if known."""
+    def measured(
+        self,
+        numbers: Conditioning,
+        target_inverse: float | None,
+        distance: Array | None,
+        near: Proximity | None = None,
+    ) -> list[Indicator]:
+        """Return what is known of the present.
+
+        Args:
+            numbers: Conditioning of the interaction matrix.
+            target_inverse: Inverse condition number at the target, or None.
+            distance: From the loci in the order of the set [m], or None if the camera position is not known.
+            near: Proximity of the camera to a singular centre, likewise, for 1 mrad of image noise.
+        """
         inverse = numbers.inverse_condition_number
         absolute, relative = self._condition_rules(target_inverse)
         found = []
@@ -103,9 +120,27 @@ class Indicators:
         smallest = numbers.smallest_singular_value
         text = lambda: f"smallest singular value {smallest:.4g}"  # noqa: E731
         found.append(Indicator(_SMALLEST, smallest, self._thresholds[_SMALLEST], text))
+        if near is not None:
+            found += self._proximity(near)
         if distance is not None:
             values = distance.tolist()
             found += [self._distance(*each, values) for each in self._distances]
+        return found
+
+    def _proximity(self, near: Proximity) -> list[Indicator]:
+        precision = f"1 mrad in the image is {near.position_std:.3g} m and {near.rotation_std:.3g} rad there"
+
+        def position() -> str:
+            return (
+                f"position error for 1 mrad in the image, {near.position_std:.3g} m along the least observable motion,"
+            )
+
+        inverse = 1.0 / near.position_std if near.position_std > 0.0 else math.inf
+        found = [Indicator(_PRECISION, inverse, self._thresholds[_PRECISION], position)]
+        if near.z is not None:
+            z = near.z
+            text = lambda: f"z, tolerances of the lines from a singular pose ({precision}), {z:.3g},"  # noqa: E731
+            found.append(Indicator(_Z, z, self._thresholds[_Z], text))
         return found
 
     def _distance(self, name: str, start: int, stop: int, thresholds: Thresholds, distance: list[float]) -> Indicator:
@@ -196,7 +231,7 @@ def verdict_indicator(observation: LineObservation) -> Indicator:
 def _thresholds(parameters: MonitorParameters, name: str) -> Thresholds:
     warn, warn_exit, critical, critical_exit = (
         # The worse the larger it is: its inverse is judged.
-        1.0 / value if name == _GROWTH and value > 0.0 else value
+        1.0 / value if name in _RISING and value > 0.0 else value
         for value in parameters.thresholds(name)
     )
     return Thresholds(warn, critical, warn_exit, critical_exit)

@@ -115,6 +115,8 @@ class SingularityMonitor:
 
     def _use_scene(self, singular: SingularSet) -> None:
         self._singular_set = singular
+        # Computed now, not in the first cycle that needs it.
+        _ = singular.normal_condition
         self._approaches = ApproachTable(singular)
         self._forget()
 
@@ -217,7 +219,10 @@ class SingularityMonitor:
         numbers = conditioning(factors, parameters.characteristic_length)
         target_inverse, target_image = NOT_KNOWN if self._target is None else self._target.at(lines.ids)
         distances = None if pose is None else singular.distance_arrays(pose.translation)
-        measured = self._indicators.measured(numbers, target_inverse, None if distances is None else distances.distance)
+        near_by = None if pose is None else singular.proximity(pose, ids=lines.ids)
+        measured = self._indicators.measured(
+            numbers, target_inverse, None if distances is None else distances.distance, near_by
+        )
         slope = self._slope.add(numbers.inverse_condition_number, stamp)
         time_to_critical = self._indicators.time_to_critical(numbers.inverse_condition_number, slope, target_inverse)
         twist = self._prediction.recent_twist(stamp, parameters.twist_timeout)
@@ -265,6 +270,7 @@ class SingularityMonitor:
             describe_unobservable_motion=describe_unobservable_motion,
             target_inverse_condition_number=target_inverse,
             pose=pose,
+            proximity=near_by,
         )
 
     def assess_pose(self, T_world_camera: Pose) -> Assessment:
@@ -282,7 +288,8 @@ class SingularityMonitor:
         target_inverse = None if self._target is None else self._target.at(lines.ids).inverse_condition_number
         distances = self._singular_set.distance_arrays(T_world_camera.translation)
         nearest = self._approaches.nearest(distances)
-        indicators = self._indicators.measured(numbers, target_inverse, distances.distance)
+        near_by = self._singular_set.proximity(T_world_camera, ids=lines.ids)
+        indicators = self._indicators.measured(numbers, target_inverse, distances.distance, near_by)
         levels = [each.thresholds.entered(each.value) for each in indicators]
         level = worst(levels, self._singular_set)
         reason = reasons(indicators, levels, self._singular_set, condition_text(numbers.inverse_condition_number))
@@ -305,6 +312,7 @@ class SingularityMonitor:
             position_source="camera_pose",
             describe_unobservable_motion=lambda: lost,
             target_inverse_condition_number=target_inverse,
+            proximity=near_by,
         )
 
     def silence(self, now: int) -> Assessment | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import math
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -26,7 +27,7 @@ from plsing_ros.features.feature_message import sender_text
 from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
-from plsing_ros.singularities import Kind, LocusDistance, SingularSet
+from plsing_ros.singularities import Kind, LocusDistance, Proximity, SingularSet
 
 _SECOND = 1_000_000_000
 _LOCUS_KINDS = {
@@ -186,7 +187,21 @@ def status_message(assessment: Assessment, singular: SingularSet, frame: str) ->
         message.distances_valid = True
         message.locus_names = list(singular.locus_names)
         message.locus_distances = flat(assessment.locus_distances)
+    if assessment.proximity is not None:
+        _add_proximity(message, assessment.proximity)
     return message
+
+
+def _add_proximity(message: SingularityStatus, near: Proximity) -> None:
+    """Fill in how near the camera is to a singular centre; what is infinite is flagged and zero."""
+    message.proximity_valid = math.isfinite(near.distance)
+    if message.proximity_valid:
+        message.singular_distance, message.relative_condition = near.distance, near.relative_condition
+    if near.z is not None and math.isfinite(near.z):
+        message.has_z, message.z = True, near.z
+    if math.isfinite(near.position_std) and math.isfinite(near.rotation_std):
+        message.precision_valid = True
+        message.position_std, message.rotation_std = near.position_std, near.rotation_std
 
 
 def alert_message(assessment: Assessment, previous: Level, frame: str, scene_frame: str) -> SingularityAlert:

@@ -48,6 +48,17 @@ _MONITORED = {
     "smallest_singular_value": _Monitored(
         "singular_value", 0.0, 0.0, "below this smallest singular value of the raw interaction matrix", _NUMBER
     ),
+    "z": _Monitored(
+        "z", 3.0, 0.0, "fewer than this many tolerances of the scene's lines from an exactly singular pose", _NUMBER
+    ),
+    "position_std": _Monitored(
+        "position_std",
+        0.0,
+        0.0,
+        "when an error of 1 mrad of each image line puts the position off by this along the least observable motion",
+        _DISTANCE,
+        rises=True,
+    ),
     "transversal_distance": _Monitored(
         "transversal_distance", 0.02, 0.005, "nearer than this to a transversal", _DISTANCE
     ),
@@ -55,7 +66,7 @@ _MONITORED = {
         "point_distance", 0.02, 0.005, "nearer than this to an isolated point", _DISTANCE
     ),
     "surface_distance": _Monitored(
-        "surface_distance", 0.02, 0.005, "nearer than this to a plane, quadric or cubic of singular centres", _DISTANCE
+        "surface_distance", 0.02, 0.005, "nearer than this to a surface or curve of singular centres", _DISTANCE
     ),
     "speed_growth": _Monitored(
         "growth",

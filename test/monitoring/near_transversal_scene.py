@@ -18,9 +18,10 @@ FALLING = (
     "inverse_condition_number",
     "relative_inverse_condition_number",
     "smallest_singular_value",
+    "z",
     "transversal_distance",
     "isolated_point_distance",
     "surface_distance",
 )
-JUDGED = (*FALLING, "speed_growth")
+JUDGED = (*FALLING, "position_std", "speed_growth")
 OFF = {f"{level}.{name}": 0.0 for level in ("warn", "critical") for name in JUDGED}

@@ -8,7 +8,7 @@ from near_transversal_scene import FALLING, JUDGED, LOOK, OFF, ON_TRANSVERSAL, S
 
 from plsing_ros.errors import ParameterError
 from plsing_ros.features import LineObservation, interaction_matrix, project_lines
-from plsing_ros.geometry import Pose
+from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Trend
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
@@ -91,6 +91,7 @@ def number_here(name):
         "inverse_condition_number": inverse,
         "relative_inverse_condition_number": inverse / found.target_inverse_condition_number,
         "smallest_singular_value": found.conditioning.smallest_singular_value,
+        "z": found.proximity.z,
     }[name]
 
 
@@ -110,6 +111,41 @@ def test_thresholds_of_numbers_that_fall(name):
     assert rig.level() is Level.WARN
     rig.set({f"warn.{name}_exit": 0.95 * value})
     assert rig.level() is Level.OK
+
+
+def test_thresholds_of_the_precision_left():
+    rig = Rig()
+    value = rig.see().proximity.position_std
+    for changes, expected in (
+        ({"warn.position_std": 1.1 * value}, Level.OK),
+        ({"warn.position_std": 0.98 * value}, Level.WARN),
+        ({"critical.position_std": 0.985 * value}, Level.CRITICAL),
+        ({"critical.position_std": 1.1 * value}, Level.CRITICAL),
+        ({"critical.position_std_exit": 1.05 * value}, Level.WARN),
+        ({"critical.position_std": 0.0, "warn.position_std": 1.1 * value}, Level.WARN),
+        ({"warn.position_std_exit": 1.05 * value}, Level.OK),
+    ):
+        rig.set(changes)
+        found = rig.see()
+        assert found.level is expected, changes
+        assert expected is Level.OK or "position error for 1 mrad" in found.reason
+
+
+def test_a_scene_that_is_bad_everywhere_warns_in_metres():
+    """Five nosings that are parallel but for 1.5 mrad, which is far more than their tolerances."""
+    points = [[0.0, 0.28 * i, 0.17 * i] for i in range(5)]
+    directions = [[1.0, 1.5e-3 * (-1) ** i, 1.5e-3 * (i % 3 - 1)] for i in range(5)]
+    scene = LineSet.from_points_directions(points, directions)
+    monitor = SingularityMonitor.from_parameters(
+        MonitorParameters.from_values(
+            {"lines.points": np.ravel(points), "lines.directions": np.ravel(scene.direction)}
+            | {"lines.position_std": [1e-3] * 5, "lines.direction_std": [1e-4] * 5}
+        )
+    )
+    pose = Pose.look_at([0.5, -1.5, 1.5], [0.0, 0.5, 0.3])
+    found = monitor.assess_pose(pose)
+    assert found.level >= Level.WARN
+    assert found.proximity.position_std > 0.1
 
 
 def test_thresholds_of_the_growth_expected():
