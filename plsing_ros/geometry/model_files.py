@@ -202,7 +202,7 @@ def _read_yaml(file: Path, frame: str) -> Model:
     for node in content.values() if isinstance(content, dict) else ():
         parameters = node.get("ros__parameters") if isinstance(node, dict) else None
         described = parameters.get("model") if isinstance(parameters, dict) else None
-        if isinstance(described, dict):
+        if isinstance(parameters, dict) and isinstance(described, dict):
             return _yaml_model(file, described, str(parameters.get("scene_frame", frame)))
     raise SceneFileError(
         f"model file {file} has no model; expected <node>: ros__parameters: model: vertices: [x1, y1, z1, ...], "

@@ -179,7 +179,7 @@ class LineTrackerNode(ParameterizedNode[LineTrackerParameters]):
             corners = points @ tracking.T_world_camera.rotation
             if corners[:, 2].min() > 0.0:
                 pixels = np.round(8.0 * camera.project(corners)).astype(int)
-                for row, (a, b) in enumerate(self._model.edges):
+                for row, (a, b) in enumerate(self._model.edges.tolist()):
                     color = (0, 220, 0) if tracking.observation.usable[row] else (0, 0, 220)
                     cv.line(picture, pixels[a].tolist(), pixels[b].tolist(), color, 1, cv.LINE_AA, 3)
         cv.putText(picture, report.state.name, (8, 20), cv.FONT_HERSHEY_SIMPLEX, 0.6, (0, 220, 255), 2)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from plsing_ros.arrays import Array, cross
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
 from plsing_ros.geometry.rotations import exponential
+
+Rows = npt.NDArray[np.int32] | npt.NDArray[np.int_]
 
 # Vertices, as a share of the model's size, and planes of visible edges.
 _TOLERANCE = 1e-3
@@ -44,7 +47,7 @@ def symmetries(model: Model) -> list[Pose]:
     return found
 
 
-def flipped(model: Model, edges: Array, T_camera_model: Pose) -> Pose | None:
+def flipped(model: Model, edges: Rows, T_camera_model: Pose) -> Pose | None:
     """Return the pose near the second minimum of a flat set of edges; None if they are not flat.
 
     A flat object that is tilted about a line of sight to one side looks nearly as if it were tilted to the other.
@@ -89,7 +92,7 @@ def _basis(ends: Array) -> Array:
     return np.column_stack([x, cross(z, x), z])
 
 
-def _maps(rotation: Array, points: Array, used: Array, pairs: set[frozenset[int]], tolerance: float) -> bool:
+def _maps(rotation: Array, points: Array, used: Rows, pairs: set[frozenset[int]], tolerance: float) -> bool:
     image = points[used] @ rotation.T
     apart = np.linalg.norm(image[:, np.newaxis] - points[np.newaxis, used], axis=2)
     if apart.min(axis=1).max() > tolerance:

@@ -18,6 +18,7 @@ from plsing_ros.geometry.model import Model
 from plsing_ros.tracking.camera import PinholeCamera
 
 Image = npt.NDArray[np.uint8]
+Pixels = npt.NDArray[np.float32]
 
 _MAX_POINTS = 80
 _MIN_POINTS = 10
@@ -56,7 +57,7 @@ class PointPose:
     T_camera_model: Pose
     covariance: Array
     points: Array
-    pixels: Array
+    pixels: Pixels
     triangles: npt.NDArray[np.int_]
     share: float
 
@@ -76,9 +77,9 @@ class FacePoints:
 
     def forget(self) -> None:
         """Drop all points."""
-        self._points = np.empty((0, 3))
-        self._pixels = np.empty((0, 2), dtype=np.float32)
-        self._triangles = np.empty(0, dtype=int)
+        self._points: Array = np.empty((0, 3))
+        self._pixels: Pixels = np.empty((0, 2), dtype=np.float32)
+        self._triangles: npt.NDArray[np.int_] = np.empty(0, dtype=int)
         self._covariance = np.zeros((6, 6))
         self._taken = 0
         self._image: Image | None = None
@@ -156,7 +157,8 @@ class FacePoints:
             correction = pose.inverse() @ followed.T_camera_model
             corrected = followed.points @ correction.rotation.T + correction.translation
             seen, good = self._on_faces(followed.pixels, followed.triangles, pose)
-            self._points = corrected[good] + _SETTLING * (seen - corrected[good])
+            settled: Array = corrected[good] + _SETTLING * (seen - corrected[good])
+            self._points = settled
             self._pixels = np.ascontiguousarray(followed.pixels[good], dtype=np.float32)
             self._triangles = followed.triangles[good]
         if take and self.is_worn:

@@ -44,7 +44,7 @@ _MAX_DEVIATION = 0.3
 _MIN_DOUBT, _DOUBT_PER_LOSS = 0.5, 0.1
 # Errors of edges last for some images: the variance of a pose that is carried on by points grows by this each time.
 _FORGETTING = 1.5
-_NOTHING = np.zeros((6, 6))
+_NOTHING: Array = np.zeros((6, 6))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +97,7 @@ class LineTracker:
         self._contrast = np.zeros(len(model))
         self._last: Pose | None = None  # T_camera_model
         self._losses = 0  # images since the last good one
+        self._symmetry: Pose | None
         nothing = Pose(np.eye(3), np.zeros(3))
         turns = sorted(((angle_between(each, nothing), i, each) for i, each in enumerate(symmetries(model))))
         # The smallest turn that maps the model onto itself [rad]; infinite if there is none.
@@ -150,8 +151,8 @@ class LineTracker:
                 fit, by_points = (alone, by_points) if enough else (fit, None)
         # From the prediction alone: as usual, and widely where that explains too little.
         for reach in (ranges, _SEARCH_RANGES):
-            enough = _GOOD_EXCESS if by_points is None else _MIN_EXCESS
-            if fit is not None and fit.excess >= enough:
+            needed = _GOOD_EXCESS if by_points is None else _MIN_EXCESS
+            if fit is not None and fit.excess >= needed:
                 break
             other = self._fit(grey, predicted, reach, None)
             if other is not None and (fit is None or other.excess > fit.excess + _MIN_GAIN):
@@ -160,7 +161,7 @@ class LineTracker:
 
     def _fit(self, image: Image, pose: Pose, ranges: tuple[int, ...], points: PointPose | None) -> _Fit | None:
         """Return the edges fitted with smaller and smaller ranges; None where there are none."""
-        information = _NOTHING if points is None else np.linalg.inv(points.covariance)
+        information = _NOTHING if points is None else _inverse(points.covariance)
         prior = pose
         fit = None
         for search_range in ranges:
@@ -178,7 +179,7 @@ class LineTracker:
         if fit is None:
             return None
         return dataclasses.replace(
-            fit, T_camera_model=pose, information=np.linalg.inv(points.covariance), by_points_alone=True
+            fit, T_camera_model=pose, information=_inverse(points.covariance), by_points_alone=True
         )
 
     def _pass(self, image: Image, pose: Pose, search_range: int, prior: Pose, information: Array) -> _Fit | None:
@@ -222,7 +223,7 @@ class LineTracker:
             return self._lost(f"the image explains {share:.0%} of the visible edges")
         self._losses = 0
         pose = fit.T_camera_model
-        covariance = np.linalg.inv(fit.information + 1e-9 * np.eye(6))
+        covariance = _inverse(fit.information + 1e-9 * np.eye(6))
         state, reason = self._verdict(fit, covariance)
         self._last = pose
         good = fit.weights > 0.5
@@ -288,7 +289,7 @@ class LineTracker:
         image_lines = np.zeros((n, 3))
         usable = np.zeros(n, dtype=bool)
         covariances = np.zeros((n, 3))
-        for row, line in zip(fit.edges[good], fit.lines[good], strict=True):
+        for row, line in zip(fit.edges[good].tolist(), fit.lines[good].tolist(), strict=True):
             image_lines[row] = np.cos(line[0]), np.sin(line[0]), line[1]
             covariances[row] = line[2:5]
             usable[row] = True
@@ -308,6 +309,10 @@ class LineTracker:
                 "(grey)"
             )
         return np.ascontiguousarray(array)
+
+
+def _inverse(matrix: Array) -> Array:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def _opencv() -> ModuleType | None:
