@@ -55,6 +55,11 @@ class StampFilter:
         """The last accepted stamp [ns], or None."""
         return self._last_stamp
 
+    @property
+    def last_problem(self) -> str | None:
+        """Why the latest message could not be used, or None if it could."""
+        return self._last_problem
+
     def note_problem(self, problem: str) -> None:
         """Remember why the latest message could not be used, for the reason of a later silence."""
         self._last_problem = problem
@@ -90,14 +95,16 @@ class StampFilter:
     def silence(self, now: int) -> str | None:
         """Return why there is nothing to act on now [ns], or None if the last accepted message is recent enough."""
         self.follow_clock(now)
-        problem = "" if self._last_problem is None else f"; the latest were refused: {self._last_problem}"
-        if self._last_stamp is None:
-            return f"no {'usable ' if problem else ''}{self.what} received yet{problem}"
-        age = (now - self._last_stamp) / _SECOND
-        if age > self.timeout:
-            self._was_silent = True
-            return f"no {self.what} for {age:.3g} s, allowed are {self.timeout:g} s{problem}"
-        return None
+        age = None if self._last_stamp is None else (now - self._last_stamp) / _SECOND
+        if age is not None and age <= self.timeout:
+            return None
+        self._was_silent = self._was_silent or age is not None
+        if self._last_problem is not None:
+            since = "" if age is None else f" for {age:.3g} s, allowed are {self.timeout:g} s"
+            return f"the {self.what} that come are refused{since}: {self._last_problem}"
+        if age is None:
+            return f"no {self.what} received yet"
+        return f"no {self.what} for {age:.3g} s, allowed are {self.timeout:g} s"
 
     def _too_seldom(self, gap: float) -> str | None:
         if gap <= self.timeout:

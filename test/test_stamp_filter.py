@@ -31,7 +31,7 @@ def test_recent_stamps_are_accepted(fresh, age):
 def test_others_are_refused_and_leave_no_trace(fresh, stamp, words):
     assert words in fresh.refusal(stamp, NOW)
     assert fresh.last_stamp is None
-    assert fresh.silence(NOW).startswith("no usable features received yet; the latest were refused: ")
+    assert fresh.silence(NOW).startswith("the features that come are refused: ")
 
 
 def test_a_stamp_that_goes_back_is_refused_but_a_repeated_one_is_not(fresh):

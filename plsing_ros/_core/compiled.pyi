@@ -5,6 +5,7 @@ ValueError; None comes back for what has no answer. SI units, (v, omega) for twi
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -685,3 +686,51 @@ def tell_points_apart(h: ComplexArray, center: ComplexArray, max_imaginary: floa
     Returns:
         Real ones, never those that are NaN; the largest modulus of the inner product of two of the ten.
     """
+
+# rollout_binding.cpp
+
+def roll_out(
+    direction: Array,
+    moment: Array,
+    ends: Array,
+    target: object,
+    covariances: Array,
+    loci: Array | None,
+    law: object,
+    loop: object,
+    state: object,
+    rotations: Array,
+    translations: Array,
+    seed: int,
+) -> dict[str, Any]:
+    """Run the closed loop ahead once from each of k starts, without the interpreter's lock.
+
+    Args:
+        direction: Of n lines in the scene frame, shape (n, 3), n from 3 on.
+        moment: Likewise, shape (n, 3) [m].
+        ends: Of their segments, shape (2n, 3) [m].
+        target: A Pose, T_world_target.
+        covariances: Shape (3n,), or (0,): as RolloutTask.covariances.
+        loci: Shape (m, 6): as RolloutTask.loci.
+        law: A RolloutLaw.
+        loop: A LoopModel.
+        state: A RunState.
+        rotations: Of T_world_camera at the starts, shape (k, 3, 3).
+        translations: Likewise, shape (k, 3) [m].
+        seed: Of all noise.
+
+    Returns:
+        The fields of monitoring.rollout.Outcomes.
+    """
+
+def law_twist(
+    direction: Array,
+    moment: Array,
+    ends: Array,
+    target: object,
+    loci: Array | None,
+    law: object,
+    loop: object,
+    camera: object,
+) -> Array:
+    """Return the twist (6,) that a roll-out commands for what a camera, a Pose, sees without noise."""

@@ -12,6 +12,7 @@ void bind_proximity(py::module_ &module);
 void bind_pose_filter(py::module_ &module);
 void bind_singularity(py::module_ &module);
 void bind_isolated_points(py::module_ &module);
+void bind_rollout(py::module_ &module);
 }  // namespace plsing
 
 PYBIND11_MODULE(compiled, module)
@@ -27,4 +28,5 @@ PYBIND11_MODULE(compiled, module)
     plsing::bind_pose_filter(module);
     plsing::bind_singularity(module);
     plsing::bind_isolated_points(module);
+    plsing::bind_rollout(module);
 }

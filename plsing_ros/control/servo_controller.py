@@ -9,6 +9,7 @@ from typing import Any
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command, Mode
 from plsing_ros.control.gate import StatusGate
+from plsing_ros.control.gate_exit import leave
 from plsing_ros.control.servo_cycle import ServoCycle
 from plsing_ros.errors import ObservationError, PlsingError
 from plsing_ros.features import LineObservation, LinesVerdict
@@ -239,10 +240,17 @@ class ServoController:
         problem = self._check.contradiction(observation)
         if problem is not None:
             return self.halt(problem)
+        closed = self._closed(now)
+        if closed is not None and not self.gate.may_be_left(now):
+            self._pause()
+            return Command(Mode.HALTED, closed)
         lines, image = _common(observation, cycle.target)
         self._seen = lines
         trust = parameters.slow_scale if reaction == "slow" else 1.0
         command = cycle.command(lines, image, trust, stamp, _covariances(observation, lines.ids))
+        if closed is not None:
+            self._pause()
+            command = leave(command, lines, closed)
         unknown = self._check.unknown_ids(observation)
         return command if not unknown else _with_note(command, unknown)
 
@@ -263,9 +271,12 @@ class ServoController:
             return Command(Mode.REFUSED, self._refused)
         if problem is None and reaction == "halt":
             problem = f"3-D lines are {observation.verdict.name}: {observation.verdict_reason}"
-        if problem is None and self.parameters.gate == "status":
-            problem = self.gate.closed(now)
         return None if problem is None else Command(Mode.HALTED, problem)
+
+    def _closed(self, now: int) -> str | None:
+        """Return why the gate is closed now [ns], or None."""
+        gate = self.parameters.gate
+        return None if gate == "none" else self.gate.closed(now, needs_risk=gate == "risk")
 
     def halt(self, reason: str) -> Command:
         """Return a command of zero twist with the reason, for features that cannot be used or for a shutdown."""

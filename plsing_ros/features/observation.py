@@ -160,6 +160,16 @@ class LineObservation:
             image[usable] = project_lines(seen).reshape(-1, 3)
         return cls(lines_camera.ids, image, usable, seen)
 
+    def select(self, rows: Sequence[int]) -> LineObservation:
+        """Return some of the rows, in the order given."""
+        ids = tuple(self.ids[row] for row in rows)
+        lines = self.lines_camera
+        if lines is not None:
+            kept = [self.usable_ids.index(i) for i in ids if i in self.usable_ids]
+            lines = lines.select(kept) if kept else None
+        image, usable = self.image_lines[list(rows)], self.usable[list(rows)]
+        return LineObservation(ids, image, usable, lines, self.verdict, self.verdict_reason)
+
     @classmethod
     def from_rows(
         cls,

@@ -48,6 +48,13 @@ def worst(levels: Sequence[Level], singular: SingularSet) -> Level:
     return Level.UNOBSERVABLE if singular.singular_everywhere else max(levels)
 
 
+def worst_names(indicators: Sequence[Indicator], levels: Sequence[Level], level: Level) -> str:
+    """Return the names of the indicators that call for the level in force; "" for OK."""
+    if level is OK:
+        return ""
+    return " ".join(each.name for each, own in zip(indicators, levels, strict=True) if own == level)
+
+
 def reasons(indicators: Sequence[Indicator], levels: Sequence[Level], singular: SingularSet, otherwise: str) -> str:
     """Return why the worst level is in force; `otherwise` is what to say when all is well."""
     level = worst(levels, singular)

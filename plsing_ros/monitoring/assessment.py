@@ -10,6 +10,7 @@ from plsing_ros.features import Conditioning
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Approach, Trend
+from plsing_ros.monitoring.risk import Risk
 from plsing_ros.singularities import LocusDistance, Proximity
 
 
@@ -36,6 +37,8 @@ class Assessment(NamedTuple):
         target_inverse_condition_number: At the target with the same lines, or None if no target is known.
         pose: T_world_camera that the distances belong to, or None if the camera position is not known.
         proximity: Of the camera to a singular centre, for 1 mrad of image noise, likewise.
+        risk: What roll-outs of the closed loop say about the run, or None if law, target or position is not known.
+        kind: What the level is for, without numbers: as long as it stays the same there is nothing new to say.
     """
 
     level: Level
@@ -54,6 +57,8 @@ class Assessment(NamedTuple):
     target_inverse_condition_number: float | None = None
     pose: Pose | None = None
     proximity: Proximity | None = None
+    risk: Risk | None = None
+    kind: str = ""
 
     def __str__(self) -> str:
         nearest = "" if self.nearest is None else f"; nearest: {self.nearest}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
+from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_alignment import pose_by_lines, refuse_reversed, reversed_lines
 
@@ -13,14 +14,19 @@ _REMEMBERED_POSES = 10
 
 
 class CameraPosition:
-    """The poses received lately, and which one belongs to features."""
+    """The poses received lately, and which one belongs to features.
+
+    Attributes:
+        covariance: Of the pose that was located last, as it was received.
+    """
 
     def __init__(self) -> None:
-        self._poses: deque[tuple[int, Pose]] = deque(maxlen=_REMEMBERED_POSES)
+        self._poses: deque[tuple[int, Pose, Array | None]] = deque(maxlen=_REMEMBERED_POSES)
+        self.covariance: Array | None = None
 
-    def receive(self, T_world_camera: Pose, stamp: int) -> None:
-        """Take the camera's pose at a stamp [ns]."""
-        self._poses.append((stamp, T_world_camera))
+    def receive(self, T_world_camera: Pose, stamp: int, covariance: Array | None = None) -> None:
+        """Take the camera's pose at a stamp [ns], and its covariance if it is not exact."""
+        self._poses.append((stamp, T_world_camera, covariance))
 
     def forget(self) -> None:
         """Trust no pose received so far."""
@@ -38,20 +44,22 @@ class CameraPosition:
         Raises:
             ObservationError: If a line is reversed with respect to the scene.
         """
-        pose = self._received(stamp, tolerance)
+        pose = self.received(stamp, tolerance)
         if pose is not None:
             refuse_reversed(reversed_lines(scene, lines, pose.rotation))
             return pose, "camera_pose"
         pose = pose_by_lines(scene, lines)
         return pose, "" if pose is None else "features"
 
-    def _received(self, stamp: int, tolerance: float) -> Pose | None:
+    def received(self, stamp: int, tolerance: float) -> Pose | None:
+        """Return the pose that was received for features of a stamp [ns] to a tolerance [s], or None."""
         # The latest nearly always has the very stamp of the features.
         if self._poses and self._poses[-1][0] == stamp:
+            self.covariance = self._poses[-1][2]
             return self._poses[-1][1]
         found, least = None, tolerance * _SECOND
-        for pose_stamp, pose in reversed(self._poses):
+        for pose_stamp, pose, covariance in reversed(self._poses):
             apart = abs(pose_stamp - stamp)
             if apart <= least and (found is None or apart < least):
-                found, least = pose, apart
+                found, least, self.covariance = pose, apart, covariance
         return found

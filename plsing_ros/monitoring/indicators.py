@@ -13,6 +13,7 @@ from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Approach
 from plsing_ros.monitoring.closed_loop_rollout import Expected
 from plsing_ros.monitoring.hysteresis import Thresholds, threshold_text
+from plsing_ros.monitoring.risk import Risk
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.singularities import Kind, Proximity, SingularSet
 
@@ -25,11 +26,13 @@ _CONDITION, _RELATIVE = "inverse_condition_number", "relative_inverse_condition_
 _CRITICAL_CONDITION = "the critical inverse condition number"
 _SMALLEST, _GROWTH, _TIME = "smallest_singular_value", "speed_growth", "time"
 _Z, _PRECISION = "z", "position_std"
+_RISK, _DEMAND, _TIME_TO_HARM = "risk", "demand", "time_to_harm"
 # The worse the larger they are: their inverses are judged. With the unit that a threshold is said in.
-_RISING = {_GROWTH: "times", _PRECISION: "m"}
+_RISING = {_GROWTH: "times", _PRECISION: "m", _RISK: "", _DEMAND: "times"}
 # Share of trust: POOR lines may be wrong near a singularity, of AMBIGUOUS ones every number may be of another pose.
 _TRUST = {LinesVerdict.POOR: 0.5, LinesVerdict.AMBIGUOUS: 0.0}
 _TRUST_THRESHOLDS = Thresholds(0.75, 0.25, 0.75, 0.25)
+_SECOND = 1_000_000_000
 # A rate counts when it is this many times its standard error.
 _SIGNIFICANT = 3.0
 
@@ -57,7 +60,7 @@ class Indicator(NamedTuple):
             return f"{self.text()} is {threshold_text(self.value, self.thresholds, level, self.unit)}"
         threshold = self.thresholds.critical if level == Level.CRITICAL else self.thresholds.warn
         side = "above" if self.value < threshold else "not yet clearly below"
-        return f"{self.text()} is {side} {1.0 / threshold:.4g} {_RISING[self.name]}"
+        return f"{self.text()} is {side} {1.0 / threshold:.4g} {_RISING[self.name]}".rstrip()
 
 
 _TRUSTED = Indicator("lines_verdict", 1.0, _TRUST_THRESHOLDS, lambda: "trust in the 3-D lines, poor a moment ago,")
@@ -73,7 +76,7 @@ class Indicators:
         self._absolute_stands_in = mode == "auto"
         self._thresholds = {
             name: _thresholds(parameters, name)
-            for name in (*_DISTANCES, _CONDITION, _RELATIVE, _SMALLEST, _Z, _PRECISION, _GROWTH)
+            for name in (*_DISTANCES, _CONDITION, _RELATIVE, _SMALLEST, _Z, *_RISING, _TIME_TO_HARM)
         }
         self._soon = Thresholds(parameters.horizon, 0.0)
         self._no_growth = Indicator(_GROWTH, math.inf, self._thresholds[_GROWTH], lambda: "speed, no longer predicted,")
@@ -170,6 +173,27 @@ class Indicators:
             return [self._no_growth, self._time(approach.time, f"the closest approach to {approach.name}")]
         return [self._no_growth, self._no_time if time_to_critical is None else self._time(soon, _CRITICAL_CONDITION)]
 
+    def predicted(self, risk: Risk, stamp: int) -> list[Indicator]:
+        """Return what roll-outs say about the run, for features of a stamp [ns]."""
+        probability, demand, time = risk.probability, risk.demand, risk.time_to_harm
+        if time is not None:
+            time = max(time - (stamp - risk.stamp) / _SECOND, 0.0)
+
+        def text() -> str:
+            return f"probability of harm {probability:.2g}" + (f" ({risk.harm_text})" if time is not None else "")
+
+        return [
+            Indicator(_RISK, _inverse(probability), self._thresholds[_RISK], text),
+            Indicator(_DEMAND, _inverse(demand), self._thresholds[_DEMAND], lambda: risk.demand_text),
+            Indicator(
+                _TIME_TO_HARM,
+                math.inf if time is None else time,
+                self._thresholds[_TIME_TO_HARM],
+                lambda: f"time to harm, {_seconds(math.inf if time is None else time)}",
+                " s",
+            ),
+        ]
+
     def _growth(self, times: float, after: float, with_noise: bool) -> Indicator:
         def text() -> str:
             what_for = "possible with the features' noise" if with_noise else "expected"
@@ -209,6 +233,10 @@ class Indicators:
 def condition_text(inverse: float) -> str:
     """Return the inverse condition number in words."""
     return f"inverse condition number {inverse:.4g}"
+
+
+def _inverse(value: float) -> float:
+    return 1.0 / value if value > 0.0 else math.inf
 
 
 def _seconds(time: float) -> str:

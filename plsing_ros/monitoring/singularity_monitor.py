@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy.typing as npt
@@ -10,11 +12,13 @@ import numpy.typing as npt
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError, PlsingError
 from plsing_ros.features import LineObservation, conditioning, decompose_interaction
+from plsing_ros.features.consistency import ConsistencyCheck
 from plsing_ros.features.target import MINIMUM_LINES
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.line_alignment import pose_by_lines
 from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.levels import Level
-from plsing_ros.monitoring.alarm_state import AlarmState, reasons, with_position, worst
+from plsing_ros.monitoring.alarm_state import AlarmState, reasons, with_position, worst, worst_names
 from plsing_ros.monitoring.approach import Approach, ApproachTable, Trend
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.camera_position import CameraPosition
@@ -22,6 +26,7 @@ from plsing_ros.monitoring.hysteresis import OK, Debounce
 from plsing_ros.monitoring.indicators import Indicators, condition_text, verdict_indicator
 from plsing_ros.monitoring.monitored_target import NOT_KNOWN, MonitoredTarget
 from plsing_ros.monitoring.prediction import Prediction
+from plsing_ros.monitoring.risk import Risk, RiskPredictor, laws_text, risks_of_laws
 from plsing_ros.monitoring.slope import Slope
 from plsing_ros.monitoring.unobservable_motion_text import unobservable_motion_text
 from plsing_ros.parameters import MonitorParameters
@@ -64,22 +69,28 @@ class SingularityMonitor:
             self.set_target(target)
 
     @classmethod
-    def from_parameters(cls, parameters: MonitorParameters) -> SingularityMonitor:
-        """Return a monitor with the parameters of a node."""
+    def from_parameters(cls, parameters: MonitorParameters, executor: Executor | None = None) -> SingularityMonitor:
+        """Return a monitor with the parameters of a node, whose roll-outs are made in an executor if there is one."""
         monitor = cls.__new__(cls)
-        monitor._start(parameters)
+        monitor._start(parameters, executor)
         return monitor
 
-    def _start(self, parameters: MonitorParameters) -> None:
+    def _start(self, parameters: MonitorParameters, executor: Executor | None = None) -> None:
         self.enabled = True
         self._latest: Assessment | None = None
         self._stamp_filter = StampFilter("features", parameters.features_timeout, parameters.future_tolerance)
         self._position = CameraPosition()
         self._prediction = Prediction()
+        self._risk = RiskPredictor(executor)
+        self._refused_as = Level.STALE
+        self._held: Assessment | None = None
+        self._missing = 0
+        self._check = ConsistencyCheck(None)
+        self._T_world_target: Pose | None = None
         self._alarm_state = AlarmState(Debounce(parameters.raise_cycles, parameters.lower_cycles))
         self._parameters = parameters
         self._use_scene(singular_set(parameters.lines()))
-        self._set_target(_monitored_target(parameters))
+        self._set_target(_monitored_target(parameters), _target_pose(parameters))
         self._use(parameters)
 
     @property
@@ -106,7 +117,7 @@ class SingularityMonitor:
 
         def put_in_force() -> None:
             if new_target:
-                self._set_target(target)
+                self._set_target(target, _target_pose(parameters))
             if new_scene:
                 self._use_scene(singular)
             self._use(parameters)
@@ -118,6 +129,8 @@ class SingularityMonitor:
         # Computed now, not in the first cycle that needs it.
         _ = singular.normal_condition
         self._approaches = ApproachTable(singular)
+        self._check = ConsistencyCheck(singular.lines, self._parameters.tolerances)
+        self._risk.restart()
         self._forget()
 
     def _use(self, parameters: MonitorParameters) -> None:
@@ -125,6 +138,8 @@ class SingularityMonitor:
         self._stamp_filter.future_tolerance = parameters.future_tolerance
         self._alarm_state.debounce = Debounce(parameters.raise_cycles, parameters.lower_cycles)
         self._indicators = Indicators(self._singular_set, parameters)
+        if parameters.tolerances != self._check.tolerances:
+            self._check = ConsistencyCheck(self._singular_set.lines, parameters.tolerances)
         if parameters.rate_window != self._parameters.rate_window:
             self._slope = Slope(parameters.rate_window)
         self._parameters = parameters
@@ -135,15 +150,28 @@ class SingularityMonitor:
         Raises:
             ObservationError: If it has fewer than three usable lines, or no 3-D lines.
         """
-        self._set_target(MonitoredTarget(observation, "desired features"))
+        target, pose = MonitoredTarget(observation, "desired features"), None
+        if target.lines is not None:
+            try:
+                pose = pose_by_lines(self._singular_set.lines, target.lines)
+            except ObservationError as error:
+                raise ObservationError(f"desired features: {error}") from None
+        self._set_target(target, pose)
 
-    def _set_target(self, target: MonitoredTarget | None) -> None:
-        self._target = target
+    def _set_target(self, target: MonitoredTarget | None, T_world_target: Pose | None) -> None:
+        self._target, self._T_world_target = target, T_world_target
         self._prediction.restart()
+        self._risk.restart()
 
-    def receive_pose(self, T_world_camera: Pose, stamp: int) -> None:
-        """Take the camera's pose in the scene frame at a stamp [ns], for features of about that time."""
-        self._position.receive(T_world_camera, stamp)
+    def receive_pose(self, T_world_camera: Pose, stamp: int, covariance: Array | None = None) -> None:
+        """Take the camera's pose in the scene frame at a stamp [ns], for features of about that time.
+
+        Args:
+            T_world_camera: Where it is.
+            stamp: [ns].
+            covariance: In the scene's axes, (position [m], rotation [rad]), shape (6, 6); None: exact.
+        """
+        self._position.receive(T_world_camera, stamp, covariance)
 
     def forget_poses(self) -> None:
         """Trust no pose received so far: the latest one was refused."""
@@ -155,7 +183,13 @@ class SingularityMonitor:
         Raises:
             GeometryError: If it is not six finite numbers, or one is beyond 1e50.
         """
-        self._prediction.receive_twist(checked_twist("twist", twist), stamp, self._parameters.min_speed)
+        checked = checked_twist("twist", twist)
+        self._prediction.receive_twist(checked, stamp, self._parameters.min_speed)
+        self._risk.receive_twist(checked, stamp, self._parameters.min_speed)
+
+    def receive_controller(self, law: str, gain: float) -> None:
+        """Take the law and lambda [1/s] that the controller says are in force."""
+        self._risk.receive_controller(law, gain)
 
     def assess(
         self,
@@ -207,14 +241,23 @@ class SingularityMonitor:
         refusal = self._stamp_filter.refusal(stamp, now)
         if refusal is not None:
             # One bad message among good ones changes nothing; a stream of them is as good as silence.
+            self._refused_as = Level.STALE
             silence = self._stamp_filter.silence(now)
             return None if silence is None else self._unknown(Level.STALE, silence, now)
         parameters, singular = self._parameters, self._singular_set
+        observation, note = self._without_unknown(observation)
         try:
             lines = self._usable_lines(observation)
+        except ObservationError as error:
+            return self._hold_or_refuse(str(error) + note, stamp, observation)
+        problem = self._check.contradiction(observation, self._position.received(stamp, parameters.pose_tolerance))
+        if problem is not None:
+            return self.unusable(problem, stamp)
+        try:
             pose, source = self._position.locate(singular.lines, lines, stamp, parameters.pose_tolerance)
         except ObservationError as error:
             return self.unusable(str(error), stamp)
+        self._missing = 0
         factors = decompose_interaction(lines)
         numbers = conditioning(factors, parameters.characteristic_length)
         target_inverse, target_image = NOT_KNOWN if self._target is None else self._target.at(lines.ids)
@@ -227,17 +270,29 @@ class SingularityMonitor:
         time_to_critical = self._indicators.time_to_critical(numbers.inverse_condition_number, slope, target_inverse)
         twist = self._prediction.recent_twist(stamp, parameters.twist_timeout)
         trend, approach = self._motion(distances, pose, twist)
-        growth = self._prediction.growth(
-            observation, factors, pose, singular.lines, target_image, twist, stamp, parameters
-        )
+        covariance = self._position.covariance if source == "camera_pose" else None
+        risk = self._risk.latest(stamp, pose, covariance, singular, self._T_world_target, parameters)
+        growth = None
+        if risk is None:
+            growth = self._prediction.growth(
+                observation, factors, pose, singular.lines, target_image, twist, stamp, parameters
+            )
         near = [each for each in measured if each.value < each.thresholds.alarm]
         calm, suppressed, foreseen = "", 0, (time_to_critical, approach)
-        if parameters.rollout_rules and self._prediction.rules:
+        if parameters.rollout_rules and (risk is not None or self._risk.is_awaited):
+            # Near a singularity is not yet in trouble: what comes of it is known, or will be in a moment.
+            suppressed = len(measured)
+            calm = "awaiting the roll-out" if risk is None else "passed calmly by the roll-out"
+            foreseen = (None, None)
+        elif parameters.rollout_rules and self._prediction.rules:
             # Near a singularity is not yet in trouble: here it is known what the law will do, or will be in a moment.
             suppressed = len(measured)
             calm = "awaiting the law's roll-out" if growth is None else "passed calmly by the law's roll-out"
             foreseen = (None, None)
-        indicators = [*measured, *self._indicators.expected(growth, *foreseen), verdict_indicator(observation)]
+        expected = (
+            self._indicators.expected(growth, *foreseen) if risk is None else self._indicators.predicted(risk, stamp)
+        )
+        indicators = [*measured, *expected, verdict_indicator(observation)]
         nearest = None if distances is None else self._approaches.nearest(distances)
         levels = self._alarm_state.levels(indicators, suppressed)
         level = worst(levels, singular)
@@ -245,7 +300,7 @@ class SingularityMonitor:
         def explain() -> str:
             reason = reasons(indicators, levels, singular, condition_text(numbers.inverse_condition_number))
             reason = with_position(reason, nearest, source, parameters.pose_tolerance)
-            return f"{reason}; near a singularity, {calm}" if calm and near and level is OK else reason
+            return (f"{reason}; near a singularity, {calm}" if calm and near and level is OK else reason) + note
 
         def describe_unobservable_motion() -> str:
             return (
@@ -254,7 +309,7 @@ class SingularityMonitor:
                 else ""
             )
 
-        return Assessment(
+        self._held = Assessment(
             level,
             explain,
             stamp,
@@ -271,12 +326,38 @@ class SingularityMonitor:
             target_inverse_condition_number=target_inverse,
             pose=pose,
             proximity=near_by,
+            risk=risk,
+            kind=worst_names(indicators, levels, level),
+        )
+        return self._held
+
+    def _without_unknown(self, observation: LineObservation) -> tuple[LineObservation, str]:
+        """Return an observation without the lines that are not in the scene, and what to say about them."""
+        known = self._singular_set.lines.ids
+        if observation.ids == known:
+            return observation, ""
+        unknown = sorted(set(observation.ids).difference(known))
+        if not unknown:
+            return observation, ""
+        ids = ", ".join(map(str, unknown))
+        kept = observation.select([row for row, i in enumerate(observation.ids) if i not in unknown])
+        return kept, f"; line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene (lines.ids): left out"
+
+    def _hold_or_refuse(self, reason: str, stamp: int, observation: LineObservation) -> Assessment:
+        """Return what was said last while lines are missing for a few frames, else UNOBSERVABLE."""
+        self._missing += 1
+        held, missing = self._held, self._missing
+        if held is None or observation.lines_camera is None or missing >= self._parameters.dropout_cycles:
+            return self.unusable(reason, stamp)
+        return held._replace(
+            stamp=stamp, explain=lambda: f"{held.reason}; held for {missing} frame(s), in which {reason}"
         )
 
     def assess_pose(self, T_world_camera: Pose) -> Assessment:
         """Return what a camera that sees all lines of the scene would be told at a pose; nothing else is changed by it.
 
         Its level is without hysteresis, debounce and prediction; relative thresholds take part if a target is known.
+        If it is, and so is the loop, its reason says what each law would do from there; its risk is the plain law's.
         """
         seen = LineObservation.of_lines(self._singular_set.lines.transformed(T_world_camera.inverse(), "camera"))
         try:
@@ -294,6 +375,10 @@ class SingularityMonitor:
         level = worst(levels, self._singular_set)
         reason = reasons(indicators, levels, self._singular_set, condition_text(numbers.inverse_condition_number))
         reason = with_position(reason, nearest, "pose asked for", self._parameters.pose_tolerance)
+        risks: dict[str, Risk] = {}
+        if self._T_world_target is not None and self._parameters.controller == "law":
+            risks = risks_of_laws(T_world_camera, self._singular_set, self._T_world_target, self._parameters)
+            reason = f"{reason}; rolled out to the target, {laws_text(risks)}"
         lost = (
             ""
             if level is OK
@@ -313,6 +398,7 @@ class SingularityMonitor:
             describe_unobservable_motion=lambda: lost,
             target_inverse_condition_number=target_inverse,
             proximity=near_by,
+            risk=risks.get("pinv"),
         )
 
     def silence(self, now: int) -> Assessment | None:
@@ -321,13 +407,18 @@ class SingularityMonitor:
             return self._disabled(now)
         self._follow_clock(now)
         reason = self._stamp_filter.silence(now)
-        return None if reason is None else self._unknown(Level.STALE, reason, now)
+        return None if reason is None else self._unknown(self._silence_level(), reason, now)
+
+    def _silence_level(self) -> Level:
+        """Return the level of a silence: that of the messages which come and are refused, if any do."""
+        return self._refused_as if self._stamp_filter.last_problem is not None else Level.STALE
 
     def unusable(self, reason: str, stamp: int) -> Assessment:
         """Return the UNOBSERVABLE assessment of features that cannot be used."""
         if not self.enabled:
             return self._disabled(stamp)
         self._stamp_filter.note_problem(reason)
+        self._refused_as = Level.UNOBSERVABLE
         return self._unknown(Level.UNOBSERVABLE, reason, stamp)
 
     def _disabled(self, stamp: int) -> Assessment:
@@ -335,10 +426,12 @@ class SingularityMonitor:
 
     def _unknown(self, level: Level, reason: str, stamp: int) -> Assessment:
         self._forget()
-        return Assessment(level, lambda: reason, stamp)
+        kind = re.sub(r"[0-9.e+-]+", "", self._stamp_filter.last_problem or reason)
+        return Assessment(level, lambda: reason, stamp, kind=kind)
 
     def _forget(self) -> None:
         """Begin anew: what was before says nothing about what comes next."""
+        self._held = None
         self._alarm_state.forget()
         self._slope = Slope(self._parameters.rate_window)
         self._prediction.interrupt()
@@ -348,14 +441,10 @@ class SingularityMonitor:
         if self._stamp_filter.follow_clock(now):
             self._position.forget()
             self._prediction.restart()
+            self._risk.restart()
             self._forget()
 
     def _usable_lines(self, observation: LineObservation) -> LineSet:
-        known = self._singular_set.lines.ids
-        if observation.ids != known:
-            unknown = sorted(set(observation.ids) - set(known))
-            if unknown:
-                raise ObservationError(f"line id {unknown[0]} is not in the scene, whose ids are {list(known)}")
         if observation.lines_camera is None and observation.usable_ids:
             raise ObservationError("features have no 3-D lines (directions and moments are empty)")
         if observation.lines_camera is None or len(observation.lines_camera) < MINIMUM_LINES:
@@ -372,6 +461,10 @@ class SingularityMonitor:
             return Trend.UNKNOWN, None
         horizon = max(self._parameters.horizon, _LOOK_AHEAD)
         return self._approaches.ahead(distances, pose, twist, horizon)
+
+
+def _target_pose(parameters: MonitorParameters) -> Pose | None:
+    return parameters.target_pose() if parameters.target_known else None
 
 
 def _target(parameters: MonitorParameters) -> tuple[object, ...]:

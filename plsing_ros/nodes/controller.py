@@ -95,7 +95,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
             self.subscribe(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
         else:
             self._desired = self.advertise(LineFeatureArray, "desired_line_features", qos.LATCHED)
-        if parameters.gate == "status":
+        if parameters.gate != "none":
             self.subscribe(SingularityStatus, "singularity_status", self._on_status, qos.STATUS)
         self._path = self.advertise(Path, "~/planned_path", qos.LATCHED)
         self._plan: Plan | None = None
@@ -178,7 +178,8 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
 
     def _on_status(self, message: SingularityStatus) -> None:
         stamp = nanoseconds(message.header.stamp)
-        self._servo.gate.receive(message.level, sender_text(message.reason), stamp, self.now())
+        reason = sender_text(message.reason)
+        self._servo.gate.receive(message.level, reason, stamp, self.now(), message.risk_valid)
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._servo.enabled = self._enabled = request.data

@@ -27,6 +27,7 @@ from plsing_ros.features.feature_message import sender_text
 from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
+from plsing_ros.monitoring.risk import Risk
 from plsing_ros.singularities import Kind, LocusDistance, Proximity, SingularSet
 
 _SECOND = 1_000_000_000
@@ -189,6 +190,8 @@ def status_message(assessment: Assessment, singular: SingularSet, frame: str) ->
         message.locus_distances = flat(assessment.locus_distances)
     if assessment.proximity is not None:
         _add_proximity(message, assessment.proximity)
+    if assessment.risk is not None:
+        _fill_risk(message, assessment.risk, assessment.stamp)
     return message
 
 
@@ -202,6 +205,15 @@ def _add_proximity(message: SingularityStatus, near: Proximity) -> None:
     if math.isfinite(near.position_std) and math.isfinite(near.rotation_std):
         message.precision_valid = True
         message.position_std, message.rotation_std = near.position_std, near.rotation_std
+
+
+def _fill_risk(message: SingularityStatus, risk: Risk, stamp: int) -> None:
+    message.risk_valid = True
+    message.risk, message.demand = risk.probability, risk.demand
+    message.harm, message.harm_text = int(risk.harm), risk.harm_text
+    if risk.time_to_harm is not None:
+        message.time_to_harm_valid = True
+        message.time_to_harm = max(risk.time_to_harm - (stamp - risk.stamp) / 1e9, 0.0)
 
 
 def alert_message(assessment: Assessment, previous: Level, frame: str, scene_frame: str) -> SingularityAlert:

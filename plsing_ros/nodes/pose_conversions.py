@@ -49,6 +49,18 @@ def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str) -> 
     return _pose("camera_pose", message.header.frame_id, message.pose.pose, frame)
 
 
+def covariance_from_message(message: PoseWithCovarianceStamped) -> Array | None:
+    """Return the covariance of the camera's pose in the axes of the header's frame, (position, rotation), shape (6, 6).
+
+    None if it is zero, or no covariance: not finite, or with a negative variance.
+    """
+    covariance = np.reshape(message.pose.covariance, (6, 6))
+    symmetric = 0.5 * (covariance + covariance.T)
+    if not np.isfinite(symmetric).all() or not symmetric.any() or np.linalg.eigvalsh(symmetric)[0] < -1e-9:
+        return None
+    return symmetric
+
+
 def pose_from_message(message: PoseStamped, frame: str) -> Pose:
     """Return T_world_camera of a request; an empty frame means the scene's.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -10,7 +11,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
-from plsing_msgs.msg import LineFeatureArray, SingularityAlert, SingularityStatus, SingularLoci
+from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus, SingularLoci
 from plsing_msgs.srv import CheckPose
 from plsing_ros.errors import PlsingError
 from plsing_ros.levels import Level
@@ -30,7 +31,7 @@ from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.markers import CameraMarkers, scene_markers
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
-from plsing_ros.nodes.pose_conversions import camera_pose_from_message, pose_from_message
+from plsing_ros.nodes.pose_conversions import camera_pose_from_message, covariance_from_message, pose_from_message
 from plsing_ros.parameters import MonitorParameters
 
 _DIAGNOSTIC_LEVELS = {
@@ -48,6 +49,8 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("singularity_monitor", MonitorParameters, **options)
+        # Roll-outs take a core, but neither the interpreter nor this node's callbacks.
+        self._rollouts = ThreadPoolExecutor(1, "rollouts")
         self._latest: Assessment | None = None
         self._drawn: Assessment | None = None
         # The operator's word outlives what configure makes.
@@ -62,6 +65,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         self.subscribe(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
         self.subscribe(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
         self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
+        self.subscribe(ControllerState, "controller/state", self._on_controller, qos.STATUS)
         self.serve(SetBool, "~/enable", self._on_enable)
         self.serve(CheckPose, "~/check_pose", self._on_check_pose)
         self.create_steady_timer(self.parameters.heartbeat_period, self._on_heartbeat)
@@ -70,7 +74,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
 
     def configure(self) -> None:
         """Compute the singular set of the scene."""
-        self._monitor = Monitor.from_parameters(self.parameters)
+        self._monitor = Monitor.from_parameters(self.parameters, self._rollouts)
         self._monitor.enabled = self._enabled
         self._latest = self._drawn = None
 
@@ -105,7 +109,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
             self._monitor.forget_poses()
             self.get_logger().warning(f"camera_pose refused: {error}", throttle_duration_sec=1.0)
         else:
-            self._monitor.receive_pose(pose, nanoseconds(message.header.stamp))
+            self._monitor.receive_pose(pose, nanoseconds(message.header.stamp), covariance_from_message(message))
 
     def _on_twist(self, message: TwistStamped) -> None:
         try:
@@ -114,6 +118,14 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
             self.get_logger().warning(f"cmd_twist not used for prediction: {error}", throttle_duration_sec=1.0)
         else:
             self._monitor.receive_twist(twist, nanoseconds(message.header.stamp))
+
+    def _on_controller(self, message: ControllerState) -> None:
+        self._monitor.receive_controller(message.law, message.gain)
+
+    def stop(self) -> None:
+        """Say that nobody watches any more, and wait for no roll-out."""
+        super().stop()
+        self._rollouts.shutdown(wait=False, cancel_futures=True)
 
     def _on_desired(self, message: LineFeatureArray) -> None:
         try:
@@ -158,7 +170,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         previous, self._latest = self._latest, assessment
         if self._status.get_subscription_count():
             self._status.publish(status_message(assessment, self._monitor.singular_set, self.parameters.camera_frame))
-        if previous is not None and previous.level is assessment.level:
+        if previous is not None and (previous.level, previous.kind) == (assessment.level, assessment.kind):
             return
         before = assessment.level if previous is None else previous.level
         alert = alert_message(assessment, before, self.parameters.camera_frame, self.parameters.scene_frame)

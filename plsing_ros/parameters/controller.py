@@ -70,8 +70,9 @@ class ControllerParameters(LawParameters, ToleranceParameters, AnswerParameters)
     gate: str = parameter(
         "none",
         "gate",
-        "status: move only with a recent singularity_status of a level allowed by gate_level; none: do not ask",
-        choices=("none", "status"),
+        "status: move only with a recent singularity_status of a level allowed by gate_level, or slowly out of a "
+        "singularity; risk: likewise, and not before it says a risk; none: do not ask",
+        choices=("none", "status", "risk"),
         live=False,
     )
     gate_level: str = parameter(

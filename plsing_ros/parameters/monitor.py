@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from plsing_ros.errors import ParameterError
+from plsing_ros.parameters.loop import LoopParameters
 from plsing_ros.parameters.parameter_set import parameter
-from plsing_ros.parameters.task import TaskParameters
 
 _RATIO = {"minimum": 0.0, "maximum": 1.0}
 _DISTANCE = {"unit": "m", "minimum": 0.0, "maximum": 1e6}
@@ -72,9 +72,21 @@ _MONITORED = {
         "growth",
         9.0,
         20.0,
-        "when the speed is about to be this many times that at the start of the motion",
+        "when, by an unknown controller's twists, the speed is about to be this many times that at the start",
         _GROWTH,
         rises=True,
+    ),
+    "risk": _Monitored("risk", 0.5, 0.9, "when the probability of harm is above this", _RATIO, rises=True),
+    "demand": _Monitored(
+        "demand",
+        1.0,
+        3.0,
+        "when the speed expected is this many times the robot's limit (or 1.5 times the first speed if that is more)",
+        _GROWTH,
+        rises=True,
+    ),
+    "time_to_harm": _Monitored(
+        "time_to_harm", 0.0, 0.0, "when harm is expected within this", {"unit": "s", "minimum": 0.0, "maximum": 1e3}
     ),
 }
 
@@ -101,7 +113,7 @@ def _with_thresholds(cls: type[MonitorParameters]) -> type[MonitorParameters]:
 
 @dataclass(frozen=True)
 @_with_thresholds
-class MonitorParameters(TaskParameters):
+class MonitorParameters(LoopParameters):
     """When to warn, and which input to trust; thresholds are fields too: warn_condition, warn_condition_exit, ..."""
 
     condition_thresholds: str = parameter(
@@ -116,6 +128,13 @@ class MonitorParameters(TaskParameters):
     )
     lower_cycles: int = parameter(
         25, "debounce.lower", "Cycles in a row that must allow a better level", minimum=1, maximum=10000
+    )
+    dropout_cycles: int = parameter(
+        4,
+        "debounce.dropout",
+        "UNOBSERVABLE after so many frames in a row with fewer than three usable lines; before, the last level holds",
+        minimum=1,
+        maximum=10000,
     )
     horizon: float = parameter(
         1.4,
@@ -203,6 +222,7 @@ class MonitorParameters(TaskParameters):
     def check(self) -> None:
         """Refuse thresholds in the wrong order, and a target that is no pose."""
         super().check()
+        self.check_loop()
         for name, monitored in _MONITORED.items():
             warn, warn_exit, critical, critical_exit = self.thresholds(name)
             least, side = ("most", "above") if monitored.rises else ("least", "below")

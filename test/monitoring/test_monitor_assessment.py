@@ -29,7 +29,9 @@ NOW, STEP = 10**12, 40_000_000
 
 
 def monitor_for(target=None, scene=SCENE, **values):
+    # What is known of the law itself is in test_risk.
     parameters = {"lines.points": scene.point.ravel(), "lines.directions": scene.direction.ravel()}
+    parameters["prediction.controller"] = "unknown"
     if target is not None:
         parameters |= {"target.known": True, "target.position": target.translation}
         parameters |= {"target.orientation": target.quaternion_xyzw}
@@ -193,7 +195,7 @@ def test_lines_of_another_scene_give_no_position():
     other = LineSet.from_points_directions(generator.normal(size=(4, 3)), generator.normal(size=(4, 3)))
     found = monitor_for().answer(seen(Pose(np.eye(3), np.array([0, 0, -5.0])), other), NOW, NOW)
     assert found.position_source == "" and found.locus_distances is None and found.trend is Trend.UNKNOWN
-    assert "do not fit the scene" in found.reason
+    assert "no camera pose explains the 3-D lines" in found.reason
 
 
 @settings(max_examples=20)

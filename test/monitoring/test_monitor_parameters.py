@@ -13,17 +13,21 @@ from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Trend
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
+from plsing_ros.parameters.loop import LoopParameters
+from plsing_ros.parameters.task import TaskParameters
 
 HERE = Pose(LOOK, ON_TRANSVERSAL + [0.1, 0.2, 0.1])
 STEP = 40_000_000
 
 LIVE = [name for name, (_, spec) in MonitorParameters.specifications().items() if spec.live]
+TASK = set(TaskParameters.specifications())
 # Nothing alerts, and what does is seen at once.
 QUIET = OFF | {
     "debounce.raise": 1,
     "debounce.lower": 1,
     "prediction.rollout_rules": False,
     "prediction.horizon": 0.0,
+    "prediction.controller": "unknown",
     "condition_thresholds": "both",
     "target.known": True,
     "target.position": TARGET.translation,
@@ -175,7 +179,8 @@ def test_the_growth_expected_is_switched_off_while_it_alerts():
 
 def scene_moved(rig):
     before = rig.see().locus_distances
-    rig.set({"lines.points": rig.scene.point.ravel() + 0.1})
+    # As the camera, so that what it sees fits the scene; it knows its pose to the shift.
+    rig.set({"lines.points": rig.scene.point.ravel() + 0.02})
     assert np.abs(rig.see().locus_distances - before).max() > 0.01
 
 
@@ -189,7 +194,7 @@ def scene_renamed(rig):
     assert rig.level() is Level.OK
     rig.set({"lines.ids": [1, 2, 3, 5]})
     found = rig.see()
-    assert found.level is Level.UNOBSERVABLE and "line id 4 is not in the scene" in found.reason
+    assert found.line_count == 3 and "line id 4 not in the scene (lines.ids): left out" in found.reason
 
 
 def target_moved(rig):
@@ -309,7 +314,54 @@ def pose_accepted(rig):
     assert rig.see(pose_late=SECOND // 2).position_source == "camera_pose"
 
 
+def law_rolled_out(rig):
+    rig.set({"prediction.horizon": 1.0})
+    assert rig.see().risk is None
+    rig.set({"prediction.controller": "law"})
+    assert rig.see().risk is not None
+
+
+def answers_come_more_often(rig):
+    rig.set({"prediction.horizon": 1.0, "prediction.controller": "law", "prediction.period": 10.0})
+    first = rig.see().risk
+    assert rig.see().risk is first
+    rig.set({"prediction.period": 0.04})
+    assert rig.see().risk is not first
+
+
+def missing_lines_are_waited_for(rig):
+    def see_two():
+        rig.now += STEP
+        lines = rig.scene.select([0, 1]).transformed(HERE.inverse(), "camera")
+        return rig.monitor.answer(LineObservation.of_lines(lines), rig.now, rig.now)
+
+    rig.see()
+    found = see_two()
+    assert found.level is Level.OK and "held for 1 frame" in found.reason and "2 of 2 lines" in found.reason
+    rig.set({"debounce.dropout": 2})
+    assert see_two().level is Level.UNOBSERVABLE
+
+
+def poses_off_are_tolerated(rig):
+    off = Pose(HERE.rotation, HERE.translation + [0.1, 0.0, 0.0])
+    seen = LineObservation.of_lines(SCENE.transformed(off.inverse(), "camera"))
+
+    def see():
+        rig.now += STEP
+        rig.monitor.receive_pose(HERE, rig.now)
+        return rig.monitor.answer(seen, rig.now, rig.now)
+
+    found = see()
+    assert found.level is Level.UNOBSERVABLE and "0.1 m" in found.reason
+    rig.set({"tolerance.position": 0.2})
+    assert see().level is Level.OK
+
+
 EFFECTS = {
+    "prediction.controller": law_rolled_out,
+    "prediction.period": answers_come_more_often,
+    "debounce.dropout": missing_lines_are_waited_for,
+    "tolerance.position": poses_off_are_tolerated,
     "lines.points": scene_moved,
     "lines.directions": scene_turned,
     "lines.ids": scene_renamed,
@@ -337,8 +389,13 @@ def test_a_change_shows_in_the_next_assessment(name):
 
 
 def test_no_live_parameter_is_left_out():
-    thresholds = {f"{level}.{name}{end}" for level in ("warn", "critical") for name in JUDGED for end in ("", "_exit")}
-    assert thresholds | set(EFFECTS) == set(LIVE)
+    monitored = (*JUDGED, "risk", "demand", "time_to_harm")
+    thresholds = {
+        f"{level}.{name}{end}" for level in ("warn", "critical") for name in monitored for end in ("", "_exit")
+    }
+    # test_risk changes each parameter of the loop, test_consistency the tolerances.
+    loop = {name for name, _ in LoopParameters.specifications().items()}
+    assert thresholds | set(EFFECTS) == set(LIVE) - (loop - set(EFFECTS) - TASK)
 
 
 def test_a_refused_set_changes_nothing():

@@ -20,6 +20,7 @@ from plsing_ros.control.command import Mode
 from plsing_ros.features import LinesVerdict
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Trend
+from plsing_ros.monitoring.rollout import Harm
 from plsing_ros.planning.detour import Decision
 from plsing_ros.pose import Verdict
 from plsing_ros.singularities import Kind
@@ -39,6 +40,7 @@ def constants(message, prefix):
         (SingularityStatus, "LEVEL_", Level),
         (SingularityAlert, "LEVEL_", Level),
         (SingularityStatus, "TREND_", Trend),
+        (SingularityStatus, "HARM_", Harm),
         (ControllerState, "MODE_", Mode),
         (PoseEstimate, "VERDICT_", Verdict),
         (LineFeatureArray, "LINES_", LinesVerdict),

@@ -115,6 +115,20 @@ def test_a_late_subscriber_receives_the_present_level(loop):
     assert [each.level for each in late] == [SingularityStatus.LEVEL_CRITICAL]
 
 
+def test_the_risk_of_the_run_is_published_before_the_camera_moves(ros, paper):
+    law = {"prediction.controller": "law", "gain": 0.5, "max_linear_speed": 0.0, "max_angular_speed": 0.0}
+    loop = MonitorLoop(ros, paper, **law, **{"camera.half_view": [0.02, 0.02]})
+
+    def has_risk():
+        return loop.status_at(start_pose(1)).risk_valid
+
+    loop.ros.spin_until(has_risk, "the first answer of the roll-outs")
+    status = loop.statuses[-1]
+    assert status.risk == 1.0 and status.harm == SingularityStatus.HARM_FEW_LINES
+    assert status.time_to_harm_valid and 0.0 <= status.time_to_harm <= 24.0
+    assert "fewer than three lines stay in view" in status.harm_text and "probability of harm 1" in status.reason
+
+
 def test_without_any_features_it_says_so(loop):
     loop.ros.spin_until(lambda: len(loop.statuses) >= 2, "heartbeats")
     assert loop.statuses[-1].level == SingularityStatus.LEVEL_STALE
@@ -155,10 +169,6 @@ def point_of(message):
     return np.array([message.x, message.y, message.z])
 
 
-def spoil_ids(message):
-    message.ids = [1, 2, 3, 99]
-
-
 def spoil_numbers(message):
     message.moments[0] = float("nan")
 
@@ -170,7 +180,6 @@ def spoil_visibility(message):
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
-        (spoil_ids, "line id 99 is not in the scene, whose ids are [1, 2, 3, 4]"),
         (spoil_numbers, "moments[0, 0] is nan"),
         (spoil_visibility, "2 of 4 lines are usable ([1, 2]); at least 3 are needed"),
     ],

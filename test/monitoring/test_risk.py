@@ -1,0 +1,187 @@
+"""Risk, demand and time to harm of the monitor, against runs of the controller itself."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from near_transversal_scene import LOOK, ON_TRANSVERSAL, SCENE, SECOND, START_2, TARGET
+from scipy.spatial.transform import Rotation
+
+from plsing_ros.features import LineObservation
+from plsing_ros.geometry import Pose
+from plsing_ros.levels import Level
+from plsing_ros.monitoring.risk import RiskPredictor, RunClock, poses_around, rollout_task
+from plsing_ros.monitoring.rollout import Harm
+from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
+from plsing_ros.parameters import MonitorParameters
+from plsing_ros.parameters.law import LawParameters
+from plsing_ros.parameters.loop import LoopParameters
+from plsing_ros.parameters.task import TaskParameters
+from plsing_ros.parameters.tolerance import ToleranceParameters
+from plsing_ros.singularities import singular_set
+
+STEP = SECOND // 30
+SINGULAR = singular_set(SCENE)
+BASE = {
+    "lines.points": SCENE.point.ravel(),
+    "lines.directions": SCENE.direction.ravel(),
+    "lines.position_std": [0.0],
+    "lines.direction_std": [0.0],
+    "target.known": True,
+    "target.position": TARGET.translation,
+    "target.orientation": TARGET.quaternion_xyzw,
+    "camera.image_noise": 0.0,
+}
+CALM = Pose(LOOK, TARGET.translation + [0.1, -0.1, 0.1])
+
+
+def parameters_with(**changes):
+    return MonitorParameters.from_values(BASE | {name.replace("__", "."): value for name, value in changes.items()})
+
+
+class Watched:
+    """A monitor, and a camera that it watches."""
+
+    def __init__(self, **changes):
+        self.monitor = SingularityMonitor.from_parameters(parameters_with(**changes))
+        self.now = 10**12
+
+    def see(self, pose, ids=None):
+        self.now += STEP
+        lines = SCENE.transformed(pose.inverse(), "camera")
+        if ids is not None:
+            lines = lines.select([SCENE.ids.index(i) for i in ids])
+        self.monitor.receive_pose(pose, self.now)
+        return self.monitor.answer(LineObservation.of_lines(lines), self.now, self.now)
+
+
+def test_the_papers_start_2_is_announced_at_the_first_features_and_start_1_is_not():
+    unlimited = {"max_linear_speed": 0.0, "max_angular_speed": 0.0}
+    bad, good = Watched(**unlimited).see(START_2), Watched(**unlimited).see(CALM)
+    assert bad.level in (Level.WARN, Level.CRITICAL)
+    assert bad.risk.demand > 1.0 and "speed expected" in bad.reason
+    assert good.level is Level.OK and good.risk.probability == 0.0 and good.risk.time_to_harm is None
+
+
+def test_harm_is_told_with_its_kind_and_time_which_runs_down():
+    # A field of view so narrow that lines are lost soon after the start.
+    watched = Watched(camera__half_view=[0.02, 0.02], prediction__period=60.0)
+    first = watched.see(CALM)
+    assert first.risk.probability == 1.0 and first.risk.harm is Harm.FEW_LINES
+    assert first.level is Level.CRITICAL and "fewer than three lines stay in view" in first.reason
+    late = Watched(max_linear_speed=0.001, prediction__period=60.0)
+    found = late.see(START_2)
+    assert found.risk.harm is Harm.LATE
+    # 10 / 0.1 + 4 s.
+    assert found.risk.time_to_harm == pytest.approx(104.0, abs=0.1)
+
+
+def test_a_soft_start_is_no_demand():
+    # Told to move slowly at first: what counts is the law's first speed, not the ramp's.
+    watched = Watched(gain=0.5, robot__clamps=False)
+    start = Pose(LOOK, TARGET.translation + [0.5, -0.5, 0.5])
+    levels = set()
+    for frame in range(30):
+        levels.add(watched.see(start).level)
+        watched.monitor.receive_twist([0.0, 0.0, 0.01 * frame, 0.0, 0.0, 0.0], watched.now)
+    assert levels == {Level.OK}
+
+
+def test_a_run_begins_anew_at_rest_and_at_the_target_but_not_while_it_moves():
+    clock = RunClock()
+    far = Pose(LOOK, TARGET.translation + [1.0, 0.0, 0.0])
+    near = Pose(LOOK, TARGET.translation + [0.5, 0.0, 0.0])
+    assert clock.update(SECOND, far, TARGET) == 0.0
+    for second in range(2, 7):
+        clock.note_motion(second * SECOND)
+        assert clock.update(second * SECOND, near, TARGET) == second - 1.0
+        assert clock.start_distance == pytest.approx(1.0)
+    # Rest for more than a second.
+    assert clock.update(8 * SECOND, near, TARGET) == 0.0
+    assert clock.start_distance == pytest.approx(0.5)
+    clock.note_motion(9 * SECOND)
+    assert clock.update(9 * SECOND, TARGET, TARGET) == 0.0
+
+
+def test_samples_of_the_pose_have_its_covariance_in_the_worlds_axes():
+    covariance = np.diag([4e-4, 1e-4, 1e-6, 1e-6, 4e-4, 1e-4])
+    covariance[0, 4] = covariance[4, 0] = 2e-4
+    samples = poses_around(START_2, covariance, 4000, 3)
+    turns = Rotation.from_matrix([each.rotation @ START_2.rotation.T for each in samples]).as_rotvec()
+    drawn = np.hstack([np.array([each.translation - START_2.translation for each in samples]), turns])
+    spread = drawn.T @ drawn / len(drawn)
+    scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    np.testing.assert_allclose(spread / scale, covariance / scale, atol=0.08)
+    assert poses_around(START_2, None, 3, 0) == [START_2] * 3
+
+
+CHANGES = {
+    "law": "dls",
+    "interaction": "target",
+    "degrees_of_freedom": [1, 1, 1, 1, 1, 0],
+    "prediction.samples": 5,
+    "loop.latency": 5,
+    "latency": 0.2,
+    "camera.half_view": [0.5, 0.4],
+    "lines.ends": np.column_stack([SCENE.point - SCENE.direction, SCENE.point + SCENE.direction]).ravel(),
+    "robot.clamps": False,
+    "gain_slope": 0.01,
+}
+# Neither an integral nor a secondary twist nor the details of a path are rolled out; fused goes as position does.
+NOT_ROLLED_OUT = {"secondary_twist", "integral_gain", "integral_limit", "detour.margin", "detour.replan_distance"}
+NOT_ROLLED_OUT |= {"detour.pose_onset", "detour.max_scale_error", "fused.position_std", "fused.rotation_std"}
+NOT_ROLLED_OUT |= {"fused.angle_std", "fused.offset_std", "fused.map_std"}
+OTHERS = set(TaskParameters.specifications()) | set(ToleranceParameters.specifications())
+OTHERS |= {"prediction.controller", "prediction.period"}
+ROLLED_OUT = sorted(set(LoopParameters.specifications()) - OTHERS - NOT_ROLLED_OUT)
+
+
+@pytest.mark.parametrize("name", ROLLED_OUT)
+def test_each_parameter_of_the_loop_reaches_the_roll_out(name):
+    def asked(parameters):
+        task = rollout_task(SINGULAR, TARGET, RiskPredictor().law(parameters), parameters, 0.1)
+        ends = None if task.ends is None else task.ends.tolist()
+        return dataclasses.astuple(task.law), dataclasses.astuple(task.loop), ends, parameters.samples
+
+    assert set(LawParameters.specifications()) <= set(LoopParameters.specifications())
+    # Three frames late, of which the law may look ahead by itself.
+    before = parameters_with(loop__latency=3)
+    value = CHANGES.get(name)
+    if value is None:
+        value = getattr(before, MonitorParameters.specifications()[name][0].name) * 1.5 + 0.01
+        if name == "gain_at_infinity":
+            value = 0.02
+    assert asked(before.with_values({name: value})) != asked(before)
+
+
+def test_the_controller_says_which_law_is_in_force():
+    predictor, parameters = RiskPredictor(), parameters_with()
+    predictor.receive_controller("dls", 0.7)
+    law = predictor.law(parameters)
+    assert (law.law, law.gain, law.deadline) == ("dls", 0.7, pytest.approx(10.0 / 0.7 + 4.0))
+
+
+def test_features_that_are_refused_keep_one_state_and_one_kind():
+    watched = Watched()
+    watched.see(CALM)
+    said = set()
+    for frame in range(40):
+        found = watched.see(CALM, ids=[1, 2])
+        if frame < 3:
+            assert found.level is Level.OK and "held for" in found.reason
+            continue
+        silent = watched.monitor.silence(watched.now + SECOND)
+        said |= {(each.level, each.kind) for each in (found, silent)}
+        assert "no features" not in silent.reason
+    assert len(said) == 1 and {level for level, _ in said} == {Level.UNOBSERVABLE}
+
+
+def test_contradictions_are_named_and_count_as_unobservable():
+    watched = Watched()
+    pose = Pose(LOOK, ON_TRANSVERSAL + [0.3, 0.2, 0.1])
+    watched.see(pose)
+    lines = SCENE.transformed(pose.inverse(), "camera")
+    watched.now += STEP
+    watched.monitor.receive_pose(Pose(pose.rotation, pose.translation + [5.0, 0.0, 0.0]), watched.now)
+    found = watched.monitor.answer(LineObservation.of_lines(lines), watched.now, watched.now)
+    assert found.level is Level.UNOBSERVABLE and "5 m" in found.reason
