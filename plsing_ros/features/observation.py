@@ -168,7 +168,8 @@ class LineObservation:
             kept = [self.usable_ids.index(i) for i in ids if i in self.usable_ids]
             lines = lines.select(kept) if kept else None
         image, usable = self.image_lines[list(rows)], self.usable[list(rows)]
-        return LineObservation(ids, image, usable, lines, self.verdict, self.verdict_reason)
+        covariances = None if self.covariances is None else self.covariances[list(rows)]
+        return LineObservation(ids, image, usable, lines, self.verdict, self.verdict_reason, covariances)
 
     @classmethod
     def from_rows(
