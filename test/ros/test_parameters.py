@@ -118,6 +118,13 @@ def test_live_changes_are_taken_or_refused_as_a_whole(ros, paper):
 
 def another(name, value):
     """An allowed value other than the present one; in order of declaration no rule between values is broken."""
+    rising = {"warn.": 1e-3, "critical.": 1e-2}
+    if "position_std" in name and name.startswith(tuple(rising)):
+        return (
+            5e-4 if name.endswith("_exit") else next(high for level, high in rising.items() if name.startswith(level))
+        )
+    if name.endswith(".z_exit"):
+        return 5.0
     if name.endswith("_exit"):
         return 1.0 if "speed" in name or ".inverse" in name else 2.0
     if name.startswith("warn."):
