@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import argparse
+import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from plsing_ros.analysis.accuracy import Camera
+from plsing_ros.analysis.path_report import report_path
 from plsing_ros.arrays import Array, vector_text
-from plsing_ros.cli.command import run_command
+from plsing_ros.cli.camera_poses import add_pose_options, camera_poses
+from plsing_ros.cli.command import make_folder, run_command
+from plsing_ros.figures.path_report import save_path_figure
 from plsing_ros.figures.scene_page import save_scene_page
 from plsing_ros.geometry.pose import checked_position
-from plsing_ros.geometry.scene_file import read_scene
+from plsing_ros.geometry.scene_file import read_scene, read_segment_ends
 from plsing_ros.singularities import Proximity, SingularSet, singular_set
 from plsing_ros.singularities.proofs.certify import certify
 
 _EPILOG = """examples:
   analyze config/paper_p4l.yaml
   analyze config/paper_p4l.yaml --at 0.6962 -4.637 7.8    also how near a camera there is
-  analyze config/paper_p4l.yaml --page scene.html         also a page to turn it around in a browser"""
+  analyze config/paper_p4l.yaml --page scene.html         also a page to turn it around in a browser
+  analyze config/paper_p4l.yaml --start 0.1 -4.0 7.2 --target 0.7 -4.6 7.8 --output report    what awaits a camera
+  analyze config/paper_p4l.yaml --box 0 -5 7 1 -4 8 --json                                    likewise in a workspace"""
 
 # z below which a camera may be singular, and relative inverse condition number up to which it is.
 _MAY_BE, _LOST = 3.0, 1e-6
@@ -40,12 +48,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--at", nargs=3, type=float, metavar=("X", "Y", "Z"), help="camera centre, scene frame [m]")
     parser.add_argument("--certify", action="store_true", help="prove what can be proved; takes seconds")
     parser.add_argument("--page", type=Path, metavar="HTML", help="write an interactive 3-D page, without network use")
+    add_pose_options(parser)
+    parser.add_argument("--noise", type=float, default=1e-3, help="standard deviation of image lines (%(default)g)")
+    parser.add_argument("--view", type=float, default=60.0, help="field of view, whole angle in degrees (%(default)g)")
+    parser.add_argument("--clearance", type=float, default=0.1, help="distance from loci to keep [m] (%(default)g)")
+    parser.add_argument("--accuracy", type=float, default=0.02, help="position accuracy needed [m] (%(default)g)")
+    parser.add_argument("--json", action="store_true", help="print the report of the poses as JSON, and nothing else")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="folder for a figure of the poses")
     options = parser.parse_args(argv)
     return run_command("analyze", lambda: _run(options))
 
 
 def _run(options: argparse.Namespace) -> int:
     singular = singular_set(read_scene(options.scene))
+    if any(each is not None for each in (options.path, options.target, options.box)) or options.json:
+        return _report(singular, options)
     print(singular)
     if options.certify:
         print("\n".join(_proofs(singular)))
@@ -55,6 +72,25 @@ def _run(options: argparse.Namespace) -> int:
         lines, surfaces = (size * singular.frame.length for size in _DRAWN)
         save_scene_page(options.page, options.scene, singular, singular.surfaces, (), lines, surfaces)
         print(f"\npage: {options.page}")
+    return 0
+
+
+def _report(singular: SingularSet, options: argparse.Namespace) -> int:
+    """Print what awaits a camera at the poses asked for."""
+    if options.output is not None:
+        make_folder(options.output, "write the figure", "--output")
+    poses = camera_poses(options, singular.lines.pivot.mean(axis=0))
+    report = report_path(
+        singular,
+        poses,
+        Camera(options.noise, math.radians(options.view) / 2.0),
+        read_segment_ends(options.scene, len(singular.lines)),
+        options.clearance,
+        options.accuracy,
+    )
+    print(json.dumps(report.as_json(), indent=2) if options.json else f"{singular.description}\n\n{report}")
+    if options.output is not None:
+        print(f"figure: {save_path_figure(report, Path(options.scene).name, options.output / 'path.png')}")
     return 0
 
 

@@ -1,5 +1,11 @@
+import json
+
+import pytest
+
 from plsing_ros.cli.analyze import main
+from plsing_ros.geometry.scene_file import read_scene
 from plsing_ros.parameters.config_files import config_file
+from plsing_ros.singularities import singular_set
 
 PAPER = str(config_file("paper_p4l.yaml"))
 
@@ -54,3 +60,44 @@ def test_a_page_is_written_on_request(tmp_path, capsys):
 def test_a_page_that_cannot_be_written_is_one_line(tmp_path, capsys):
     assert main([PAPER, "--page", str(tmp_path / "missing" / "scene.html")]) == 1
     assert capsys.readouterr().err.startswith("analyze: cannot write the page")
+
+
+def test_a_path_across_the_transversal_is_bad_and_says_where(capsys, tmp_path):
+    on_both_sides = [
+        "--start",
+        "0.3962",
+        "-4.437",
+        "7.4",
+        "--target",
+        "0.3962",
+        "-4.237",
+        "7.6",
+        "--look-at",
+        "0",
+        "0",
+        "0",
+    ]
+    assert main([PAPER, *on_both_sides, "--view", "170", "--output", str(tmp_path / "report")]) == 0
+    output = capsys.readouterr().out
+    assert "of transversal 1" in output and "use law detour" in output
+    assert (tmp_path / "report" / "path.png").stat().st_size > 10_000
+
+
+def test_a_workspace_as_json(capsys):
+    assert main([PAPER, "--box", "5", "2", "3", "5.5", "2.5", "3.5", "--view", "170", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["verdict"] in ("good", "doubtful") and len(report["poses"]) == 50
+    singular = singular_set(read_scene(PAPER))
+    for pose in report["poses"][:5]:
+        nearest = singular.nearest_locus(pose["center"])
+        assert (pose["nearest"], pose["nearest_distance"]) == (nearest.name, pytest.approx(nearest.distance))
+
+
+def test_a_target_that_sees_nothing_is_bad(capsys):
+    assert main([PAPER, "--target", "5", "2", "3", "--look-at", "50", "20", "30", "--view", "5"]) == 0
+    assert "fewer than three lines are in view" in capsys.readouterr().out
+
+
+def test_json_without_poses_says_what_is_missing(capsys):
+    assert main([PAPER, "--json"]) == 1
+    assert "--target" in capsys.readouterr().err

@@ -1,0 +1,31 @@
+"""Distances to singularities and accuracy along a path, as a figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from plsing_ros.analysis.path_report import PathReport
+
+
+def save_path_figure(report: PathReport, title: str, file: Path) -> Path:
+    """Draw what awaits the camera, pose by pose; return the file."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 7), layout="constrained")
+    distance, condition, accuracy = figure.subplots(3, 1, sharex=True)
+    number = np.arange(len(report.center))
+    distance.semilogy(number, report.nearest_distance, ".-", label="named locus")
+    distance.semilogy(number, report.singular_distance, ".--", label="singular centre, to first order")
+    distance.axhline(report.clearance, color="tab:red", linewidth=0.8, label="asked for")
+    distance.set_ylabel("distance to the\nnearest singularity [m]")
+    distance.legend()
+    condition.semilogy(number, report.relative_condition, ".-")
+    condition.set_ylabel("1/cond, of normal")
+    accuracy.semilogy(number, 1000.0 * report.deviation, ".-")
+    accuracy.axhline(1000.0 * report.accuracy, color="tab:red", linewidth=0.8)
+    accuracy.set(xlabel="pose", ylabel="standard deviation of\nthe position [mm]")
+    figure.suptitle(f"{title}: {report.verdict.value}")
+    figure.savefig(file, dpi=110)
+    return file
