@@ -17,7 +17,7 @@ class StatusGate:
     def __init__(self, worst: Level, timeout: float, future_tolerance: float) -> None:
         self.worst = worst
         self.publishers = 1
-        self._stamp_filter = StampFilter("singularity statuses", timeout, future_tolerance, "gate_timeout")
+        self._stamp_filter = StampFilter("singularity statuses", timeout, future_tolerance)
         self._level = Level.STALE
         self._reason = ""
         self._has_risk = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import compress
 from typing import cast
 
@@ -169,7 +169,7 @@ class LineObservation:
             lines = lines.select(kept) if kept else None
         image, usable = self.image_lines[list(rows)], self.usable[list(rows)]
         covariances = None if self.covariances is None else self.covariances[list(rows)]
-        return LineObservation(ids, image, usable, lines, self.verdict, self.verdict_reason, covariances)
+        return replace(self, ids=ids, image_lines=image, usable=usable, lines_camera=lines, covariances=covariances)
 
     @classmethod
     def from_rows(

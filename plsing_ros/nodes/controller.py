@@ -151,7 +151,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         def put_in_force() -> None:
             change_core()
             for change in changes:
-                self.report(change, good=True)
+                self.report(change, DiagnosticStatus.OK)
             if self.active:
                 self._say_where_it_leads()
 
@@ -221,7 +221,8 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
 
     def _look_for_others(self) -> None:
         if self._others.look():
-            self.report(self._others.text or "no topic has a second publisher any more", good=not self._others.text)
+            level = DiagnosticStatus.WARN if self._others.text else DiagnosticStatus.OK
+            self.report(self._others.text or "no topic has a second publisher any more", level)
 
     def _command(self, command: Command, stamp: int) -> None:
         if self._others.text:

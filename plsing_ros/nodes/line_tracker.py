@@ -87,7 +87,7 @@ class LineTrackerNode(ParameterizedNode[LineTrackerParameters]):
         try:
             self._session.set_pose(camera_pose_from_message(message, self.parameters.scene_frame))
         except GeometryError as error:
-            self.report(f"initial_pose refused: {error}", good=False)
+            self.report(f"initial_pose refused: {error}", DiagnosticStatus.WARN)
 
     def _on_twist(self, message: TwistStamped) -> None:
         linear, angular = message.twist.linear, message.twist.angular
@@ -163,7 +163,8 @@ class LineTrackerNode(ParameterizedNode[LineTrackerParameters]):
         self._state.publish(state)
         previous, self._latest = self._latest, report
         if previous is None or previous.state is not report.state:
-            self.report(f"{report.state.name}  {report.reason}".strip(), good=report.state is SessionState.TRACKING)
+            level = DiagnosticStatus.OK if report.state is SessionState.TRACKING else DiagnosticStatus.WARN
+            self.report(f"{report.state.name}  {report.reason}".strip(), level)
 
     def _draw(self, grey: Any, report: SessionReport, stamp: int) -> None:
         camera, tracking = self._session.camera, report.tracking

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
@@ -119,7 +120,7 @@ def run_nodes(
         for create in creates:
             nodes.append(create(context=context))
         if risk:
-            nodes[0].report(risk, good=False)
+            nodes[0].report(risk, DiagnosticStatus.WARN)
         check_overrides(arguments, [node.get_fully_qualified_name() for node in nodes])
     except (PlsingError, *_REFUSED_BY_RCLPY) as error:
         for node in nodes:

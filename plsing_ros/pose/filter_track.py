@@ -199,6 +199,7 @@ class FilterTrack:
         if trusting is None or wary is None:
             self.wary, self._balance = trusting is None, 0.0
             if trusting is None:
+                assert wary is not None
                 self._wary, self._trusting = wary.state, _trusting_copy(wary.state)
             else:
                 self._trusting, self._wary = trusting.state, trusting.state.copy()

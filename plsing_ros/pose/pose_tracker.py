@@ -122,6 +122,7 @@ class PoseTracker:
         if stamp < self._last_stamp:
             # The clock has jumped back, or the stamp filter would have refused it.
             self._origin, self._filter = None, self._new_filter(False)
+            assert self._filter is not None
         self._last_stamp = stamp
         self._latest = self._filter.update(observation, self._seconds(stamp))
         return self._latest

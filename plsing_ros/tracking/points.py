@@ -152,7 +152,8 @@ class FacePoints:
         """
         self._image = image
         self._covariance = covariance
-        self._points, self._pixels, self._triangles = self._points[:0], self._pixels[:0], self._triangles[:0]
+        self._points = np.empty((0, 3), dtype=np.float64)
+        self._pixels, self._triangles = self._pixels[:0], self._triangles[:0]
         if followed is not None:
             correction = pose.inverse() @ followed.T_camera_model
             corrected = followed.points @ correction.rotation.T + correction.translation

@@ -51,6 +51,7 @@ def write_run(folder, plugin=StoragePlugin.MCAP, stamp_offset=0, frames=60):
             "visible": seen.usable.astype(np.uint8),
             "lines_verdict": 0,
             "lines_reason": "",
+            "lines_source": "",
         }
         kind = types["plsing_msgs/msg/LineFeatureArray"]
         empty = {name: np.zeros(0) for name in kind.__dataclass_fields__ if name not in fields and name[0].islower()}
