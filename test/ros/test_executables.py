@@ -208,7 +208,7 @@ def test_a_container_runs_a_closed_loop_in_one_process_and_ends_it_with_a_zero_t
             ["controller", "feature_simulator", *PAPER, "-p", "feature_simulator:noise:=-1.0"],
             "parameter 'noise' is -1.0",
         ),
-        (["controller", "singularity_monitor", *PAPER, "-p", "gain:=0.5"], "unknown parameter 'gain'"),
+        (["controller", "singularity_monitor", *PAPER, "-p", "zero_twists:=5"], "unknown parameter 'zero_twists'"),
         (["controller", "controller", *PAPER], "node 'controller' is given more than once"),
         (["contoller", *PAPER], "invalid choice: 'contoller' (choose from"),
     ],
