@@ -14,6 +14,7 @@ from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.pose.estimate import PoseEstimate
 from plsing_ros.pose.estimator import estimate_pose
+from plsing_ros.pose.filter import PoseFilter
 from plsing_ros.simulation.simulate import SimulatedRun, simulate
 from plsing_ros.singularities import SingularSet, singular_set
 from plsing_ros.tracking import LineTracker, PinholeCamera
@@ -29,6 +30,7 @@ __all__ = [
     "PlsingError",
     "Pose",
     "PoseEstimate",
+    "PoseFilter",
     "ServoController",
     "SimulatedRun",
     "SingularSet",
