@@ -64,6 +64,7 @@ lint: python
 	@$(RUN) ruff check .
 	@$(RUN) ruff format --check .
 	@$(RUN) mypy
+	@$(PYTHON) tools/spdx.py --check
 
 setup: python
 	@$(PYTHON) tools/environment.py setup

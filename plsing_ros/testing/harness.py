@@ -164,7 +164,10 @@ class Harness:
     def call(self, service_type: type, name: str, request: Any, timeout: float = TIMEOUT) -> Any:
         """Call a service and return its response."""
         client = self.node.create_client(service_type, name)
-        self.spin_until(client.service_is_ready, f"service {name}", timeout)
+        if not client.service_is_ready():
+            self.spin_until(client.service_is_ready, f"service {name}", timeout)
+            # A server learns of its client a moment after the client of it; an answer before that would be lost.
+            self.spin_for(0.2)
         future = client.call_async(request)
         self.spin_until(future.done, f"an answer of service {name}", timeout)
         return future.result()

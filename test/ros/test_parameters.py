@@ -123,6 +123,10 @@ def another(name, value):
         return (
             5e-4 if name.endswith("_exit") else next(high for level, high in rising.items() if name.startswith(level))
         )
+    of_risk = {"warn.risk": 0.45, "warn.risk_exit": 0.3, "critical.risk": 0.8, "critical.risk_exit": 0.7}
+    of_risk |= {"warn.demand_exit": 0.5, "critical.demand_exit": 1.5}
+    if name in of_risk:
+        return of_risk[name]
     if name.endswith(".z_exit"):
         return 5.0
     if name.endswith("_exit"):
@@ -132,13 +136,17 @@ def another(name, value):
     if name.startswith("critical."):
         return 0.6 * value + 1e-4
     special = {"target.orientation": [0.0, 0.0, 0.0, 1.0], "lines.ids": [1, 2, 3, 5], "condition_thresholds": "both"}
+    special |= {"degrees_of_freedom": [1, 1, 1, 1, 1, 0], "lines.ends": [0.1 * each for each in range(24)]}
     if name in special:
         return special[name]
+    choices = MonitorParameters.specifications()[name][1].choices
+    if choices:
+        return next(each for each in choices if each != value)
     if isinstance(value, bool):
         return not value
     if isinstance(value, tuple):
         return [each + 0.05 for each in value]
-    return value + 1 if isinstance(value, int) else 1.1 * value
+    return value + 1 if isinstance(value, int) else 1.1 * value + 1e-3
 
 
 def test_each_live_parameter_is_taken_and_a_set_with_one_bad_value_is_refused_whole(ros, paper):

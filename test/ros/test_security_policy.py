@@ -43,6 +43,7 @@ def used(node):
     for parameters in configurations:
         with Harness() as ros:
             created = ros.add(create, config_file("paper_p4l.yaml"), {"use_sim_time": True, **parameters})
+            ros.spin_until(lambda created=created: created.active, "an active node")
             ask = ros.node
             of_kind = dict(
                 zip(
@@ -67,7 +68,7 @@ def used(node):
 
             ros.spin_until(lambda own=own, found=found: all(own[kind] <= found(kind) for kind in own), "its endpoints")
             # And those that rcl makes without telling rclpy.
-            ros.spin_for(0.3)
+            ros.spin_for(1.0)
             for kind in KINDS:
                 names[kind] |= found(kind)
     return names
