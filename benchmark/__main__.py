@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run benchmarks: all of speed, or those named."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figure of the alerts: ROC of all detectors, and how far the said risk is what came."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Alerts on 500 random servo tasks: how long before a blow-up they come, how many are missed, how many are false.
 
 A blow-up is a linear speed above ten times its value at the start; a false alarm is WARN or above in a run without one.

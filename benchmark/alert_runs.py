@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Servo runs under the errors of real cameras, robots and maps, with the monitor watching; and what could be known."""
 
 from __future__ import annotations

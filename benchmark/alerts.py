@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Harm and demand announced by the monitor: recall, false alarms, calibration and ROC beside simpler detectors.
 
 Conditions, harm, demand and arrival are those of docs/monitor.md; tasks, gains, frame rates, laws and chains are drawn

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many servo tasks as arrays, with what their controllers know and with what is true."""
 
 from __future__ import annotations

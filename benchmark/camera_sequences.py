@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What cameras see on paths across singular loci, and what is said about their motion."""
 
 from __future__ import annotations

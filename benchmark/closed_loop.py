@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The closed loop over DDS: simulator, controller and monitor in lockstep, on each executor in the same run.
 
 Beside it bare nodes that send the same messages and compute nothing: what rclpy and the middleware take of each step.

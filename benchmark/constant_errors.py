@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Errors that stay the same for a whole run: of the map of lines, of the motion, and of the 3-D lines that are seen."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One control step, features to twist with condition number, beside ViSP's and numpy's; and the monitor's cycle."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The planned ways of many runs at once; the plans are the package's, following them is written anew."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Servo runs of many tasks at once, by every control law: an implementation of its own, not the package's.
 
 Scenes are filled up with lines of weight zero, so that one array holds all. Projection, L, inverses, guard, saturation

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The common scale of 3-D lines that many cameras see: an implementation of its own, from docs/laws.md."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's Starts 1 to 4 by every control law, side by side, with the package's own controller.
 
 python3 -m benchmark law_starts

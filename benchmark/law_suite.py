@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every control law on random servo tasks, with and without noise: success, speed, way, time.
 
 The tasks are those of servo_tasks.py: 4 to 8 random lines, a third any two poses that see them (kind 0), a third across

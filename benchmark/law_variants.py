@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The control laws that are compared: their numbers, and what they make of L, for many cameras at once."""
 
 from __future__ import annotations

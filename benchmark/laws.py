@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every control law of the package beside rivals from the literature, in tasks that are as wrong as real ones.
 
 Segments of 0.2 to 5 m, 30 Hz, lambda 0.1 to 2, four conditions (servo_conditions.py). Two thirds of the tasks lead

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Line tracker: errors, losses and CPU time on public image sequences, beside ViSP's model-based tracker."""
 
 from __future__ import annotations

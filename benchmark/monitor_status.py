@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Our own cost of one assessment with everything on, and memory over very many of them.
 
 python3 -m benchmark monitor_status

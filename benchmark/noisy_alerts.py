@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Alerts on random servo tasks whose controller acts on the noisy lines that the monitor sees, too.
 
 A blow-up is a linear speed above ten times its value at the start, noise or not; a false alarm is WARN or above in a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Poses along the paper's quadrifolium trajectories: accuracy and time of our estimator beside libraries, in one run.
 
 The images are exact; the scene is known with Gaussian noise on the Plücker coordinates of its lines (unit directions

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pose filter across singular loci and under disturbances, beside single images, PoseLib and GTSAM.
 
 Crossings: random scenes of 4 to 8 lines with straight paths across transversals and past isolated points (those of

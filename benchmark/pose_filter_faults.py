@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the pose filter says when its input is wrong."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Single images of flat scenes, and of lines as they are measured."""
 
 from __future__ import annotations

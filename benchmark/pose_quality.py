@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a pose from lines is what its verdict and its covariance say: warnings on random scenes, and consistency.
 
 Warnings: random scenes of 4 to 8 lines with image noise of 0.3, 1 and 2 mrad, "anywhere" with poses anywhere, and

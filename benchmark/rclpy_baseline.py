@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The closed loop without anything of ours: bare rclpy nodes that send the same messages and compute nothing."""
 
 from __future__ import annotations

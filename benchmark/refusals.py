@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often consistent frames are refused, and contradictory ones are not: frames of the conditions of the laws.
 
 python3 -m benchmark refusals

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Control laws from the literature that the package does not have: for comparison, with the package's own limits."""
 
 from __future__ import annotations

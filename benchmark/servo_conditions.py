@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Servo tasks with segments, for cameras, robots and maps that are as wrong as real ones."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One servo run of a controller in the conditions of benchmark.servo_conditions, and what came of it."""
 
 from __future__ import annotations

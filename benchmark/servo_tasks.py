@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random scenes and servo tasks from a seed, and what the plain law makes of all of them at once."""
 
 from __future__ import annotations

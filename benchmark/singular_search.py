@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Singular camera centres by a search from random starts that shares nothing with plsing_ros.singularities."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The singular set of four lines: one scene, many scenes, distances, and computer algebra on the same scenes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When a simulator makes its steps."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How late the zero twist comes when the features stop because their publisher, who listens to cmd_twist, is stopped.
 
 The controller and a simulator in real time run as processes of their own. The simulator is stopped (SIGSTOP) at random

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Man-made scenes: nothing singular is missed or invented, exact, rounded or measured, and what it takes.
 
 Every kind of benchmark/structured_scenes.py is drawn several times, turned and shifted at random, and compared with a

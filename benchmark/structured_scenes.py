@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Man-made scenes: kinds of edges that people look at, with sizes drawn at random, and what measuring makes of them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Medians of repeated calls, interleaved so that a change of the machine's speed hits all candidates alike."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """ViSP's control step for straight lines, compiled here where ViSP and its headers are installed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One control step of ViSP on straight lines: features to twist, singular values included.
 //
 // Standard input: cycles, n, the camera's start and target position in the world (axes parallel to the world's), then

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ViSP's model-based tracker on a list of images: a program of its own, built on the machine that measures.
 // Standard input: mode (edge, scanline, klt), fx fy cx cy, angle_appear angle_disappear [degrees], number of models,
 // for each its file and a 3 x 4 pose, the 3 x 4 pose of the first image, number of images, their files.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Write the reference pages that are made from code: parameters from their specifications, messages from msg_defs."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Image lines of a tracker to a motion: pose estimator, controller and monitor, which use the estimated 3-D lines.
 
 ros2 launch plsing_ros image_lines.launch.py params_file:=my.yaml container:=true

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Command paper: run every experiment of the paper and write the page that compares."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Appendix A and B, the table of cases, and the scenes with orthogonal and parallel lines, as tables."""
 
 from __future__ import annotations

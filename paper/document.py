@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The text of docs/results/paper.md, made from results."""
 
 from __future__ import annotations

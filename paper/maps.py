@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The planes and paths of the maps in docs/results/paper.md."""
 
 from __future__ import annotations

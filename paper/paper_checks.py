@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the paper says about its servo experiments, and whether our runs agree."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the paper says about pose estimation near singularities, and whether our estimator agrees."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Section "Pose Estimation along a quadrifolium trajectory", and its counterpart for five lines."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's scenes and the numbers it prints about them."""
 
 from __future__ import annotations

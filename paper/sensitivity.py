@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the paper leaves open, decided otherwise than in our plain runs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An example of each row of the table of cases, and scenes of orthogonal and parallel lines."""
 
 from __future__ import annotations

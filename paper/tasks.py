@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's servo experiments as data: section "Simulation results"."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """All variants of the paper's runs, and many runs at once."""
 
 from __future__ import annotations

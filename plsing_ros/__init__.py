@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Singularity-aware visual servoing on straight lines: `import plsing_ros as pl`.
 
 Arrays are numpy's, units SI, frames as in docs/concepts. Printing a result gives a summary. Needs numpy and scipy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Input checks for arrays, in one place so that every message reads the same."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every error this package raises on purpose, under one base class."""
 
 from __future__ import annotations

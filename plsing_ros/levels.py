@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Levels of concern: the word that monitor and gate share."""
 
 from __future__ import annotations

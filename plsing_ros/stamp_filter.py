@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which stamped messages are recent enough to act on."""
 
 from __future__ import annotations

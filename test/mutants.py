@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Break central rules one at a time, and show that the tests notice each: python3 test/mutants.py [NAME ...].
 
 Each mutant is made in a copy of the sources, the tests named with it run there, and at least one must fail. Without

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Images of scenes with known poses, and checks that use no solver."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Values that hypothesis draws: poses, lines, twists. They are values, not seeds, so that failures shrink."""
 
 from __future__ import annotations

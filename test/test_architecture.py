@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rules of the house that a folder listing promises, read off the imports."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """import plsing_ros as pl: the names of the front door, used as a newcomer uses them."""
 
 import subprocess

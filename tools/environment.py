@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Set up what plsing_ros builds, runs and is tested in, and run commands there.
 
     python3 tools/environment.py setup                     # make it ready; nothing to do: nothing done

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Put the SPDX line into every source that has none: python3 tools/spdx.py [--check]."""
 
 import subprocess

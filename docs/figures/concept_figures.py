@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draws docs/figures/concept_frames.png: python3 docs/figures/concept_figures.py."""
 
 from pathlib import Path

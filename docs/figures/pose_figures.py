@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draw the figures of docs/pose.md: python docs/figures/pose_figures.py, and print the errors of all seeds.
 
 pose_consistency.png comes from python3 -m benchmark.pose_quality --figure docs/figures/pose_consistency.png.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draw the figures of docs/theory.md: python docs/figures/theory_figures.py [survey.jsonl]."""
 
 from __future__ import annotations

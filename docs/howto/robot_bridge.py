@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hand cmd_twist to a joint velocity controller: a node to copy and to give the Jacobian of your robot.
 
 docs/howto/connect.md tells how to use it. The messages are those of ros2_control's JointGroupVelocityController:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The native core: inner loops in C++17 with Eigen, bound by pybind11. Each file of the folder is one topic.
 
 compiled.pyi says what each function does. core.hpp has the views of numpy arrays, least_squares.hpp the decomposition,

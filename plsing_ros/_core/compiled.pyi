@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the native core computes: no checks of values but where it is said, and no units of its own.
 
 Arrays are C-contiguous and float64 or complex128, and what comes back is new. An array of another type or shape raises

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Offline questions about scenes, paths and recordings: before and after a run."""

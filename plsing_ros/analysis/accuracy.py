@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How exactly a camera could be placed by image lines at many poses: information, covariance, visibility."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which k of n candidate lines to servo on: the most exact set along a path that keeps away from singularities."""
 
 from __future__ import annotations

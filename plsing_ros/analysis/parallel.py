@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many independent tasks on the cores of this machine, or on a Dask cluster: the same results, in the same order."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What awaits a camera along a path, at a target or in a workspace: singularities, accuracy, and a verdict in words."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recorded runs: the messages of a rosbag2, read without ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Monitor and controller over a recording: what they said, or would have said with other parameters."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Command analyze: what is singular in a scene, and how near a camera is to it."""
 
 from __future__ import annotations

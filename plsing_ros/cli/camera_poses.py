@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The camera poses that an offline command is asked about: a target, a path from a file, or a workspace box."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What commands have in common: exit codes, last words, and folders to write to."""
 
 from __future__ import annotations

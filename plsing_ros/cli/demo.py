@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Command demo: a camera servos on four lines near a singularity, with the monitor's alerts coming in."""
 
 from __future__ import annotations

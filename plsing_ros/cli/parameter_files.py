@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Command that writes config/<node>.yaml from the parameter specifications."""
 
 from __future__ import annotations

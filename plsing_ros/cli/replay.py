@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Command replay: monitor and controller over a recorded run, also with other parameters."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Command select_lines: which of many lines to servo on, for a target, a path or a workspace."""
 
 from __future__ import annotations

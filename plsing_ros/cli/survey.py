@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Command survey: how many real isolated singular points random four-line scenes have, and how often.
 
 The output has a header and one line for each finished chunk; running the same command again continues it. Every chunk

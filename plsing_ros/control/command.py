@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the controller decides in one cycle."""
 
 from __future__ import annotations

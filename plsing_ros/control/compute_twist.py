@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From an interaction matrix and an error to a twist: the chosen law with its options."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The gain lambda as a function of the error."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The monitor's permission to move."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The way out of a closed gate: slow motions after which the camera sees more of its own motion."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How fast the camera may go with singular loci ahead."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often a zero twist is said before falling silent."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The time integral of the error, kept from winding up."""
 
 from __future__ import annotations

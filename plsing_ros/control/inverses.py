@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The inverses of the interaction matrix: what each law makes of its singular values."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Looking ahead: what the camera will see when the robot begins to move by an image."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's law without options, from lines to twist in one call."""
 
 from __future__ import annotations

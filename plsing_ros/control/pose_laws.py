@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The laws that know where the camera is: by its pose alone, and by pose and image with their covariances."""
 
 from __future__ import annotations

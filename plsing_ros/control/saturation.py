@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Speed limits that keep the direction of a motion."""
 
 from __future__ import annotations

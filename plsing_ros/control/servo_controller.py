@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The controller's cycle without ROS: an observation in, a command out."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One cycle of the control law for one target: guard, speed limits and stall included."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a servo run has come to rest away from its target."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The camera's motion as the motion of a tool that it is fixed to."""
 
 from __future__ import annotations

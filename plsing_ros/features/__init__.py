@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Line features of the image: projection, interaction matrix, rank basis, conditioning."""
 
 from plsing_ros.features.conditioning import Conditioning, conditioning, inverse_condition_number

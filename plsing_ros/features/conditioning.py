@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How near a matrix of image velocities is to losing rank, and which motion it loses."""
 
 from __future__ import annotations

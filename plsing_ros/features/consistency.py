@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether features agree with themselves, with the scene and with a camera pose: asked before anything moves."""
 
 from __future__ import annotations

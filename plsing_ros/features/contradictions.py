@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is wrong with features that contradict something: the explanation that fits, in words. Called when they do."""
 
 from __future__ import annotations

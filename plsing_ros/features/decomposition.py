@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The singular value decomposition of an interaction matrix, made once and used for everything."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Line features as the fields of a message, wherever the message comes from: a topic or a recording."""
 
 from __future__ import annotations

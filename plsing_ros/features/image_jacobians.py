@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How image lines move with the camera, for many poses at once, in their own two coordinates."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The interaction matrix L of line features: ds/dt = L tau."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The motion that changes the image as asked for, as far as least squares goes, and what its laws are made from."""
 
 from __future__ import annotations

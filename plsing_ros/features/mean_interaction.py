@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The mean of two interaction matrices of the same lines."""
 
 from __future__ import annotations

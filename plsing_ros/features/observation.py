@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a camera reports of the lines at one instant, checked."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Image lines: the projection l' of 3-D lines."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rank basis xi: the rows that decide whether the interaction matrix is singular, orientation-free."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The target of a task, seen through whichever of its lines are in sight."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The inverse condition number on planes through a scene, with the singular set drawn in."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Distances to singularities and accuracy along a path, as a figure."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a replay shows: levels, conditioning, distance and speeds over time, as a figure and a page."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A self-contained page that shows a scene, its singular set and camera paths, to be turned around in a browser."""
 
 from __future__ import annotations

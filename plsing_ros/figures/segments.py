@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parts of lines that are worth drawing."""
 
 from __future__ import annotations

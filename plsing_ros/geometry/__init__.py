@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lines, poses and scenes: values that check themselves."""
 
 from plsing_ros.geometry.line_alignment import Alignment, align_lines

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a camera is, from oriented 3-D lines that it sees and the same lines in the scene: in closed form."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The common scale of 3-D lines that are seen, against the scene's: wrong with a stereo base of the wrong length."""
 
 from __future__ import annotations

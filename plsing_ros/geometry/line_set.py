@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """n oriented straight lines in Plücker coordinates."""
 
 from __future__ import annotations

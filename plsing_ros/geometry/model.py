@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Objects with straight edges: vertices, edges and faces."""
 
 from __future__ import annotations

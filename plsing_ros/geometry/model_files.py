@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Models from files: Wavefront OBJ, ViSP's .cao, and ROS parameter files with model.*."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rigid poses, and the motion of a frame under a constant twist."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rotations by plain arithmetic, for what every cycle needs.
 
 The same numbers as scipy.spatial.transform.Rotation to rounding, in a tenth of its time for a single rotation.

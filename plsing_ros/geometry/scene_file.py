@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes from ROS parameter files, for use without ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """YAML files that come from anywhere: what would burn time or memory is refused before it does."""
 
 from __future__ import annotations

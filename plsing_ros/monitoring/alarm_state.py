@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The worst of all indicators, with the memory that keeps a level from chattering, and why in words."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the camera moves with respect to the singular set, and the closest approach ahead."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How near to a singularity the camera is, as a value."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the camera is: by a pose of about the same time, or else by the lines themselves."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the plain law leads: the control loop run ahead of the camera, step by step, and checked against what comes."""
 
 from __future__ import annotations

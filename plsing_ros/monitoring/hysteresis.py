@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When one level of concern gives way to another: thresholds, debounce, hysteresis."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The numbers that levels are judged by, each with its thresholds and its words."""
 
 from __future__ import annotations

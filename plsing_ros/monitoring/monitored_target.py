@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the camera sees at the target of a task."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The commanded twist, and what the plain law will make of the task if it commands that twist."""
 
 from __future__ import annotations

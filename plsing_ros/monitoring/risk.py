@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How likely a run is to come to harm, by roll-outs of the closed loop from where the camera may be."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The closed loop run ahead of the camera, natively: what comes of a task, for several noise samples at once."""
 
 from __future__ import annotations

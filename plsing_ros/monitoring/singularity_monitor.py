@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The monitor's cycle without ROS: an observation in, an assessment out."""
 
 from __future__ import annotations

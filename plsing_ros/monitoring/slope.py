@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rate of a number that comes with noise."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The target that the plain law is heading for, found from the twists that it commands: a linear problem."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The motion that the image does not show, in words."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Executable container: several of the nodes in one process, where a message takes the shortest way."""
 
 from __future__ import annotations

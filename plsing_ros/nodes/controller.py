@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Node controller: the camera twist that brings the line features to their desired values."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a node tells /diagnostics once a second."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Node feature_simulator: the line features of a free-flying camera that moves by the twists it receives."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the launch files in launch/ share: arguments, one process for each node or one for all."""
 
 from __future__ import annotations

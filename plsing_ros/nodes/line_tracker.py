@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Node line_tracker: line features of a known object from the images of a calibrated camera."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run nodes as a program: executor, signals, exit codes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A managed node that no message, request or fault can end: its transitions, and one guard for every callback."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Markers of a scene's singular set and of the camera, for RViz and Foxglove, all in the scene's frame."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters given to nodes that are not there: on the command line, and in parameter files."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A managed node whose parameters are one ParameterSet: typed, described, refused or changed as a whole."""
 
 from __future__ import annotations

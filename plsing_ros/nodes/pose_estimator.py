@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Node pose_estimator: the camera pose from image lines and its motion, and how far it can be trusted."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Quality of service of the topics; every endpoint's can be overridden by parameters (qos_overrides.<topic>...)."""
 
 from __future__ import annotations

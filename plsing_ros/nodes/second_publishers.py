@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Others that publish what only one node should."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shared memory that a killed program has left behind and that would keep a node from starting.
 
 Fast DDS receives through files /dev/shm/fastrtps_port<n>. A program that is killed in the instant it makes such a file

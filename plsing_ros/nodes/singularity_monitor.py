@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Node singularity_monitor: how near the camera is to a singularity, and alerts before things go wrong."""
 
 from __future__ import annotations

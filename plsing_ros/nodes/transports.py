@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """By which way messages leave a process that moves a robot: not through shared memory that others may hold locked.
 
 A subscriber on the same machine that is stopped or killed while it holds the lock of its port in Fast DDS's shared

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes' parameters as immutable checked values, without ROS."""
 
 from plsing_ros.parameters.controller import ControllerParameters

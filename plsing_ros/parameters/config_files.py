@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the package's parameter files are."""
 
 from __future__ import annotations

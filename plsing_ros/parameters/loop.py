@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the loop that the monitor rolls out: the controller's law, camera, robot and noise."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameter that every managed node has beside those of its own set."""
 
 from __future__ import annotations

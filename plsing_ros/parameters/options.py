@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters from Python arguments: lines and poses as values, options by their parameters' names."""
 
 from __future__ import annotations

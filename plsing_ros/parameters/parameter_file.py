@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node's values in a ROS parameter file, for use without ROS."""
 
 from __future__ import annotations

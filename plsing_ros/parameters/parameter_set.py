@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of a node as one immutable, checked value that needs no ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters that the nodes which read features share, and those of a servo task that controller and monitor share."""
 
 from __future__ import annotations

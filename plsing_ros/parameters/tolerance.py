@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters that say what is still an error of measurement and what is a contradiction."""
 
 from __future__ import annotations

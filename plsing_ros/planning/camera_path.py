@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A path for a camera: poses over time from a start to a target, smooth, within limits of speed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far camera centres are from everything singular, for many centres at once, and how far they must be."""
 
 from __future__ import annotations

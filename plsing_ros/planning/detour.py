@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Planning a path for a camera that keeps clear of singularities: straight where that is clear, else round them."""
 
 from __future__ import annotations

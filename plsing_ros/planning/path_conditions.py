@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a camera would see along a path, for many poses at once: conditioning, and lines near the focal plane."""
 
 from __future__ import annotations

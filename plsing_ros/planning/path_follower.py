@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Following a path by the images of lines: time-varying desired features and the twist that goes along with them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The path to the target: planned when there is none, followed, and planned anew when the camera is elsewhere."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is asked before moving: is a target, or the path to it, near a singularity, and what would the controller do?"""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A trajectory that a target follows, changed where it comes near singular loci: a path round is put in its place."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The search for the waypoints of a path round singularities: short polygons first."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Camera poses from image lines, with what is known about their errors."""
 
 from plsing_ros.pose.estimate import Alternative, PoseEstimate, Verdict, failed_estimate

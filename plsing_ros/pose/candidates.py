@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """First estimates of a camera pose: the solutions of all triplets of lines."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How uncertain a pose is, and whether a covariance can say so."""
 
 from __future__ import annotations

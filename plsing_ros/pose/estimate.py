@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is known of a camera pose from images of lines."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The camera pose from one image of known lines, with all that is known about its error."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The camera pose through a sequence of images: a filter that goes through singularities, and says when it is lost."""
 
 from __future__ import annotations

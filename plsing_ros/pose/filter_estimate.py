@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From the state of a filter to an estimate with its verdict."""
 
 from __future__ import annotations

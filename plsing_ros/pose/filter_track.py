@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One hypothesis of where a camera is, followed through images and twists."""
 
 from __future__ import annotations

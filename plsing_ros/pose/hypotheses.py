@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From first estimates to the few poses that explain an image of lines, with the lines each of them rests on."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Image lines completed with their 3-D lines, from an estimated pose."""
 
 from __future__ import annotations

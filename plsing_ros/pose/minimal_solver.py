@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Camera poses from three lines: all triplets of a scene at once."""
 
 from __future__ import annotations

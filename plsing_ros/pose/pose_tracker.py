@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pose estimator's cycle without ROS: image lines in, a camera pose with its verdict and completed features out."""
 
 from __future__ import annotations

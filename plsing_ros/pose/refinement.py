@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Damped, weighted refinement of camera poses on the image lines, for many start poses at once."""
 
 from __future__ import annotations

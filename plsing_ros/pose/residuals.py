@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Residuals of image lines in standard deviations, for many poses at once."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a camera was told to move, over time."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a pose can be used, and why not."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lines that are seen together, with everything about them that does not depend on the image."""
 
 from __future__ import annotations

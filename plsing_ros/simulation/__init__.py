@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """A simulated camera and whole servo runs, without ROS."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Section "VS towards a desired pose near singularity line L_M": four starts, one target."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Images of an object with flat faces, drawn by OpenCV: no graphics card or library is needed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What happened in one servo run, and its summary."""
 
 from __future__ import annotations

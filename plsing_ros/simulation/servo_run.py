@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run a servo task without ROS: the simulated camera and the controller's cycle, in lockstep."""
 
 from __future__ import annotations

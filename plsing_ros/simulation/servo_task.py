@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A servo experiment as data: scene, where from, where to, law, noise."""
 
 from __future__ import annotations

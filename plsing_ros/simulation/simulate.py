@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A servo run in a few lines: a free-flying camera that sees lines and obeys a controller."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A free-flying camera that sees lines and moves as it is told."""
 
 from __future__ import annotations

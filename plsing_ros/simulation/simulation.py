@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulator's clockwork without ROS: which frame is current, and when the next one comes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Paths that the paper lets a camera follow: where the camera shall be at each time."""
 
 from __future__ import annotations

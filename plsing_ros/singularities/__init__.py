@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a camera that observes n lines loses a motion: the singular set, and how far away it is."""
 
 from plsing_ros.singularities.batch import FourLineBatch, solve_four_line_scenes

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The isolated points and the congruence of many four-line scenes at once."""
 
 from __future__ import annotations

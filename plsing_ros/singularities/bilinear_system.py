@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A(C) k = 0: the rank basis as a matrix linear in the camera centre, and Newton's method on it.
 
 About the scene's centre (the point Q of eq. basiseta) the rows of xi are [f_i, M_i x f_i] and [0, m_i], and f_i and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's table of cases, with a sentence for each that a person can read."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The straight lines and curves in a singular set that do not meet all lines: conics, and curves known by points."""
 
 from __future__ import annotations

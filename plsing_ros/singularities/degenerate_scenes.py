@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes that are singular wherever the camera is, and lines that are given twice."""
 
 from __future__ import annotations

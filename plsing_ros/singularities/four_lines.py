@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """All isolated points of four lines: the direct solver where the scene is generic, limits where it is special."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Isolated points of special four-line scenes, as limits of the ten points of nearby generic scenes.
 
 The equations A(h) k = 0 are as many as their unknowns, so every isolated solution of a special scene is the limit of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nearest scene of exact parallels, right angles, planes and circles within the tolerances of measured lines.
 
 Lines of a man-made scene that are known to a tolerance only are parallel, orthogonal, coplanar or on a circular

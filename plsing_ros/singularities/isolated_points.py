@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The ten isolated singularities of four lines, for many scenes at once.
 
 At an isolated singularity the camera loses a screw motion with axis direction w. The axis directions are the w for

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Decompositions of single small matrices by LAPACK itself, whose wrappers in numpy take longer."""
 
 from __future__ import annotations

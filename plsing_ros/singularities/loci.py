@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Distances from a camera centre to everything in a singular set, fast enough for every control cycle."""
 
 from __future__ import annotations

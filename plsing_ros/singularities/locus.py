@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A named part of a singular set: what it is, how far away, how exact, and how wide the trouble beside it is."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Isolated points of five or more lines, none parallel: those of a four-line subset that all lines keep singular."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Triangles of a surface inside a cube, for drawing."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Straight lines that meet five or more measured lines as far as is known of them."""
 
 from __future__ import annotations

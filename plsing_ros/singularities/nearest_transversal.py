@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The straight line that comes nearest to meeting all n observed lines."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Everything that is singular besides transversals in a scene with parallel or concurrent lines, in closed form.
 
 Parallel lines leave at most two axis directions of unobservable screws (screw_axes.axes_of_parallel_lines), and the

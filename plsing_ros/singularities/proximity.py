@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How near any camera centre is to a singular one, whatever the scene: in tolerances, in metres, in precision."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The independent check: how far from rank-deficient the image velocities are at a camera centre."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The frame in which every computation of this folder runs: centred on the lines, with lengths of order one."""
 
 from __future__ import annotations

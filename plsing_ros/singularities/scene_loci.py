@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The scene's singular set, and where a camera is in it by the lines it sees."""
 
 from __future__ import annotations

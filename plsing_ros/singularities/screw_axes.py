@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """All camera centres at which a screw with a given axis direction is lost, in closed form.
 
 For a given axis direction w the unknowns are the centre C and the velocity v of the camera there, six numbers

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """singular_set(lines): everything at which a camera that observes n lines loses a motion."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The surfaces in a singular set: plane, quadric and cubic, as polynomials in the camera centre."""
 
 from __future__ import annotations

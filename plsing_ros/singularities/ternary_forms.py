@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Homogeneous polynomials in three variables, in the scaled monomial basis that a rotation leaves orthonormal."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The straight lines that meet all n observed lines: on them every camera loses a translation."""
 
 from __future__ import annotations

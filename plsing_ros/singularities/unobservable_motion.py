@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The motions a camera cannot see at a singular centre: translations and screws."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run a servo task of experiments/ through the real simulator and controller, in lockstep over the real topics."""
 
 from __future__ import annotations

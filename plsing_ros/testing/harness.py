@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A harness to test nodes with plain rclpy, in one process and one thread, without launch.
 
     with Harness() as ros:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Simulator, controller and monitor in one process, in lockstep over the real topics, with everything recorded."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Record topics of a harness into a rosbag2, as `ros2 bag record` does."""
 
 from __future__ import annotations

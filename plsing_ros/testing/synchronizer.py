@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What simulator and controller say about each frame of a run in lockstep."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From images to line features: where a known object with straight edges is, and which lines a camera sees of it.
 
 camera.py: the camera. tracker.py: edges and points put together. points.py: the second cue. support.py: the verdict.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Other poses of an object that look the same: symmetries, and the second pose of a flat object."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Points on the faces of an object, followed from image to image: the cue that edges drowned in texture need.
 
 Source: Lucas and Kanade's method in pyramids, as OpenCV has it; points on known faces are known in space.

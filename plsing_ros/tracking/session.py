@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From camera data in any order to a state for every image: what the node line_tracker does, without ROS."""
 
 from __future__ import annotations

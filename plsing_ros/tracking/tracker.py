@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Edges and points of an object put together: LineTracker."""
 
 from __future__ import annotations

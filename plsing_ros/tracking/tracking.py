@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a tracker says about one image."""
 
 from __future__ import annotations

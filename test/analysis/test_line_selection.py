@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which lines to servo on: against brute force with covariances from central differences."""
 
 from itertools import combinations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same results on one process, on several, and on a cluster that loses a worker."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording, written with rosbags from the message definitions, replayed without ROS."""
 
 import json

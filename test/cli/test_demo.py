@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The demo's command line; the runs themselves are in test/ros/test_closed_loop.py."""
 
 import matplotlib.image

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a cycle remembers: integral, stall, zero twists, the gate; and the tool's twist, and the mean of two L."""
 
 import numpy as np

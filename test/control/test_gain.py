@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The adaptive gain: its value and slope at zero, its limit."""
 
 import pytest

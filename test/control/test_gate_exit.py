@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A closed gate can be left: slowly, and only where the condition rises."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The guard's scale: never blocked, never a jump, and nothing for a healthy task."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The inverses of L against independent formulas."""
 
 import math

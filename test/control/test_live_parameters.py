@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each parameter of the controller that may change at run time is in force from the next step on."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The law in one call against the law with all its options."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The laws by pose, and by pose and image; and what looking ahead makes of a latency."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Features that contradict themselves or the scene move nothing, with every law, and the reason names what is wrong."""
 
 import numpy as np

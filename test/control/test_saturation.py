@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Speed limits that keep the screw."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Properties of the controller's cycle; its behaviour over topics is in test/ros/test_controller.py."""
 
 import dataclasses

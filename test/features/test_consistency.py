@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contradictory features are named, consistent ones pass: of the paper's four lines and of any others."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The interaction matrix against ground truth it does not share code with: the moved camera's own projections."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Observations made of rows that do not fit together."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Open a page in a real headless browser: the Chromium in the package kaleido.
 
 That program loads a page of its own, hands requests from standard input to the JavaScript object kaleido_scopes of the

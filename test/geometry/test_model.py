@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Models of objects: what becomes an edge, what hides what, and what files say wrongly."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rotations by plain arithmetic against SciPy's."""
 
 import mpmath

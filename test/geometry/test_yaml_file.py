@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files that are made to burn time or memory, and numbers as ROS writes them."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's four lines and its task near the transversal L_M, in numbers of their own."""
 
 import numpy as np

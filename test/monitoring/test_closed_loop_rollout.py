@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The roll-out against the loop itself: what it foresees is what then comes."""
 
 import numpy as np

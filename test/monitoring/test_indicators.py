@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Numbers that levels are judged by, where the whole monitor shows them only in rare scenes."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The monitor's cycle without ROS: target, prediction, position, faults, and noise at the thresholds."""
 
 from dataclasses import replace

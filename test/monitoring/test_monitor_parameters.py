@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each live parameter of the monitor, changed at run time, shows in the next assessment."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Risk, demand and time to harm of the monitor, against runs of the controller itself."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The native roll-out against the controller itself, step by step, and against closed forms where noise is in it."""
 
 import dataclasses

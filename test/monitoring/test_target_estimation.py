@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A target that nobody told: found from the twists alone, and right about twists far from those it was found from."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The least observable direction in words, by hand."""
 
 from dataclasses import replace

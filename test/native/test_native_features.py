@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The loops of a control cycle against exact arithmetic, their definitions and LAPACK."""
 
 import mpmath

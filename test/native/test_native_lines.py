@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Poses from lines against the poses they were made with, and against the best fit of noisy ones."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a monitor asks in every cycle: against the checked functions, exact arithmetic, and samples of the path."""
 
 import mpmath

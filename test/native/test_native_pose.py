@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The loops that estimate poses against projections, central differences and scipy."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stages of the singular set, each against its definition or exact arithmetic."""
 
 from itertools import combinations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/results/paper.md: what is cheap to compute is up to date, and the document says what was measured."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Claims on made-up runs: those that hold, and those that do not."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command paper with short runs."""
 
 from dataclasses import replace

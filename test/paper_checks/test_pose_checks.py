@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Claims about pose estimation on made-up errors."""
 
 import numpy as np

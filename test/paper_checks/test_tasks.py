@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The experiments' data against what the paper prints."""
 
 import numpy as np

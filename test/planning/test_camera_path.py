@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A timed way: where it begins and ends, that its twist is its motion, that it keeps its limits."""
 
 import numpy as np

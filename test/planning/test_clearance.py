@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Distances to keep, against distances in plain numpy."""
 
 import numpy as np

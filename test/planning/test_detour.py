@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Planned ways keep clear, as plain point-to-line distances say, or are refused with a reason."""
 
 import numpy as np

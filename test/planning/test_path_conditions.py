@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Conditioning and focal-plane angles of many poses at once are those of each pose by itself."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A follower asks for what is seen on the path, and for the motion that goes along with it."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is answered before moving, with numbers that are computed again here."""
 
 import numpy as np

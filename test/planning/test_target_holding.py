@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A camera on a target beside a singularity, with noise: detour stays, led by the image alone it wanders off."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Changed trajectories keep clear of the loci, as plain distances and a minimisation over time say, and join up."""
 
 import numpy as np

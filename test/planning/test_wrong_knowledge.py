@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Detour with a wrong map of lines, and with 3-D lines at wrong depths: constant errors, as from calibration."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pose filter on sequences simulated here, across the paper's transversal and under wrong input."""
 
 import numpy as np

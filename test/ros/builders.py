@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages for tests, made without the nodes' own conversions where that is what is tested."""
 
 import array

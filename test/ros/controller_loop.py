@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A controller, what it is sent, and what it commands."""
 
 from geometry_msgs.msg import TwistStamped

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A monitor, what it is sent, and what it says."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The controller by itself: the law, the target, and every reason not to move."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What can go wrong around a controller on a robot, each over real topics."""
 
 import numpy as np

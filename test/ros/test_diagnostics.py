@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every node tells /diagnostics how it is, with what and without input."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The executables as processes, as `ros2 run` starts them: with parameter files, signals and exit codes."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Servo tasks through the real nodes, against the same tasks in the core."""
 
 from dataclasses import replace

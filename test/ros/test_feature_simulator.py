@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulator by itself: what it publishes, how it moves, what it refuses."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The harness itself: isolation, determinism, and what it says when something does not come."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Launch files, read as they are: launch is not among the wheels. docs/results/launch.md tells how they were run."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Managed nodes over the lifecycle services: what they do in each state, and that no request or fault ends them."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Node line_tracker: images in, line features out, and a sentence for everything that can be wrong."""
 
 import sys

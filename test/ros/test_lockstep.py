@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The three nodes together, in lockstep over real topics, against two independent implementations' results."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Markers against what RViz and Foxglove need: frames, scales, colours, orientations, points, lifetimes."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The messages' definitions: constants against the core's enumerations, and a frame for every position."""
 
 import importlib

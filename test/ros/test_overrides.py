@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters for nodes that are not there are refused; those for our other nodes are left alone."""
 
 import pytest

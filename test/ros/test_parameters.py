@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters over the real parameter services: refused at the start, refused or taken live, described."""
 
 import numpy as np

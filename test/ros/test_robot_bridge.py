@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The recipes for robots, with messages of the public definitions: MoveIt Servo's input, and joint velocities."""
 
 import importlib.util

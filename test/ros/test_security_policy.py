@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The SROS2 policy against what the running nodes really offer and use: no more is allowed, and no less."""
 
 import xml.etree.ElementTree as ElementTree

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which leftovers of killed programs are cleared away; test_executables.py starts nodes beside some."""
 
 import mmap

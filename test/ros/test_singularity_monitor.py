@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The monitor by itself: status, distances, alerts, and what it says when it knows nothing."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The scene for a real camera: the whole chain with an estimated pose arrives, through the nodes."""
 
 import numpy as np

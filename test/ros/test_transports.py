@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A process that moves a robot keeps out of shared memory, unless its user has decided otherwise."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's four starts with the laws guarded and detour: all arrive, slowly enough, and never far away."""
 
 from dataclasses import replace

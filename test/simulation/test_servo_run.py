@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs in the core against a loop of plain numpy."""
 
 from dataclasses import replace

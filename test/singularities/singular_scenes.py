@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes of the paper and special scenes, as integer points and directions, and checks that use no solver."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Newton's method on A(h) k = 0 finds zeros back that are known."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Proofs: what is proved of which scenes, and that nothing wrong is."""
 
 from fractions import Fraction

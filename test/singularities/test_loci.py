@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Distances, surfaces, unobservable motions, nearest transversals, certificates: the parts of a singular set."""
 
 import numpy as np

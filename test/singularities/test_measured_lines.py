@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Loci of lines with tolerances: those of the exact scene, found again, near where they were, with true figures."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Three and four lines: what the paper prints, to its printed digits."""
 
 from itertools import combinations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Five lines: what the paper prints."""
 
 from itertools import combinations

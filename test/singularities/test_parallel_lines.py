@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Five and more lines with classes of parallel ones: their answers by geometry, without a search."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The singular set does not depend on how the scene is written down."""
 
 import numpy as np

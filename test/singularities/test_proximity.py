@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The proximity of a camera to a singular centre, against finite differences, samples and known geometry."""
 
 import numpy as np

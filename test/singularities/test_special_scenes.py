@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Special scenes, each with its right answer.
 
 The numbers of isolated points are those of the ideal of all 6 x 6 minors of xi over the rationals, with the observed

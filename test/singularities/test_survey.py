@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The survey command: reproducible, continued where it stopped, honest about its input."""
 
 import json

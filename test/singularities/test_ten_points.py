@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Why there are ten isolated points: counted exactly, and found on thousands of random scenes."""
 
 from itertools import combinations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What tools/environment.py says on a machine that lacks something, and when it does a step again."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Objects, cameras and motions that the tests of the tracker draw."""
 
 from __future__ import annotations

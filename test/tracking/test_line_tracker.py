@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """LineTracker on drawn images, whose truth is exact."""
 
 import numpy as np

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Proofs about a singular set: imported by nobody but its command."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is proved of a singular set, and which lines the proofs are about."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Exact answers for scenes with rational coordinates: transversals, and how many isolated points are real.
 
 Needs sympy, which is imported when a function is called.

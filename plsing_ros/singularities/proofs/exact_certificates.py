@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Proofs in exact rational arithmetic, of what interval arithmetic cannot prove: that nothing else exists, and facts
 about all of more lines than four. They are about rational_lines, whose rounding the given lines are."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Proofs that a found point or transversal is near a true one: Krawczyk's test in interval arithmetic.
 
 The lines are taken as the rational ones they are the rounding of, if there are such, else as the exact real lines with

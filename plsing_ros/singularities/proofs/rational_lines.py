@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The lines with small rational coordinates whose rounding given lines are: only for these exact arithmetic pays."""
 
 from __future__ import annotations
