@@ -115,7 +115,7 @@ class EstimationParameters(ParameterSet):
     )
     min_likelihood_ratio: float = parameter(
         1e-3,
-        "ambiguous.plausibility",
+        "ambiguous.likelihood_ratio",
         "AMBIGUOUS when another pose is at least this plausible against the best one, as a ratio of likelihoods",
         minimum=1e-6,
         maximum=1.0,

@@ -31,7 +31,7 @@ class Alternative:
 
     Attributes:
         T_world_camera: The pose.
-        plausibility: Its likelihood over that of the estimate, in [0, 1].
+        likelihood_ratio: Its likelihood over that of the estimate, in [0, 1].
     """
 
     T_world_camera: Pose

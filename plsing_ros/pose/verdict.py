@@ -32,7 +32,7 @@ def grade(
         )
     if alternatives:
         return Verdict.AMBIGUOUS, (
-            f"{len(alternatives)} other pose(s) explain the image, too, the best with plausibility "
+            f"{len(alternatives)} other pose(s) explain the image, too, the best with likelihood ratio "
             f"{alternatives[0].likelihood_ratio:.2g}"
         )
     where = f"; {nearest.distance:.3g} m from {nearest.name}" if nearest is not None else ""

@@ -130,7 +130,7 @@ def noisy_rollouts(noise, bias=0.0, frames=60, start=START_2, acted_on=True):
 
 def test_noise_adds_what_it_does_to_the_twist():
     """To first order: ten times the noise adds ten times as much, and it is what L and s with that noise give."""
-    # Before the second cycle nothing has been rehearsed.
+    # Before the second cycle there are no noise samples.
     without = np.array([each.speed for each in noisy_rollouts(0.0)[1:]])
     added = [np.array([each.speed for each in noisy_rollouts(noise)[1:]]) - without for noise in (1e-7, 1e-6)]
     assert (added[0] > 0.0).all()
