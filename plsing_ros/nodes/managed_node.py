@@ -111,6 +111,12 @@ class ManagedNode(LifecycleNode):
         if self._active:
             self._end(f"the {self.get_name()} shuts down")
 
+    def destroy_node(self) -> None:
+        """Destroy the node and all it has in the middleware."""
+        super().destroy_node()
+        # rclpy leaves it, and it would keep the node's participant alive until the next garbage collection.
+        self._state_machine.destroy_when_not_in_use()
+
     def now(self) -> int:
         """Return the node clock's time [ns]."""
         nanoseconds: int = self.get_clock().now().nanoseconds
