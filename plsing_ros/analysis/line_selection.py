@@ -142,9 +142,7 @@ def select_lines(
     if not MIN_LINES <= count <= n:
         raise GeometryError(f"count is {count}; it must be between {MIN_LINES} and the number of candidates, {n}")
     segments = None if ends is None else checked_array("ends", np.reshape(ends, (-1, 2, 3)), (n, 2, 3))
-    chosen_poses = (
-        [poses[i] for i in np.unique(np.linspace(0, len(poses) - 1, MAX_POSES).round().astype(int))] if poses else []
-    )
+    chosen_poses = _thinned(poses)
     information = line_information(lines, chosen_poses, Camera(image_std, max_angle), segments)
     costs = _Costs(information.matrices, information.visible)
     exact = math.comb(n, count) <= MAX_EXHAUSTIVE

@@ -19,7 +19,7 @@ from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import Level
 from plsing_ros.parameters import ControllerParameters
-from plsing_ros.parameters.options import parameters_from_options
+from plsing_ros.parameters.options import parameters_from_options, pose_options
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_tracker import detour_options
 from plsing_ros.planning.target_check import TargetCheck, check_target
@@ -56,8 +56,7 @@ class ServoController:
     ) -> None:
         given = dict(options)
         if isinstance(target, Pose):
-            position, orientation = target.translation.tolist(), target.quaternion_xyzw.tolist()
-            given["target"] = {"position": position, "orientation": orientation, **given.get("target", {})}
+            given["target"] = pose_options(target) | given.get("target", {})
         else:
             given["target"] = {"source": "topic", **given.get("target", {})}
         self._start(parameters_from_options(ControllerParameters, given, lines))

@@ -31,7 +31,7 @@ from plsing_ros.monitoring.risk import Risk, RiskPredictor, laws_text, risks_of_
 from plsing_ros.monitoring.slope import Slope
 from plsing_ros.monitoring.unobservable_motion_text import unobservable_motion_text
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.parameters.options import parameters_from_options
+from plsing_ros.parameters.options import parameters_from_options, pose_options
 from plsing_ros.pose.line_lifting import lift_lines_at
 from plsing_ros.singularities import DistanceArrays, SingularSet, singular_set
 from plsing_ros.stamp_filter import StampFilter, stamp_from_seconds
@@ -62,9 +62,7 @@ class SingularityMonitor:
     def __init__(self, lines: LineSet, target: Pose | LineObservation | None = None, **options: Any) -> None:
         given = dict(options)
         if isinstance(target, Pose):
-            position, orientation = target.translation.tolist(), target.quaternion_xyzw.tolist()
-            pose = {"known": True, "position": position, "orientation": orientation}
-            given["target"] = pose | given.get("target", {})
+            given["target"] = {"known": True} | pose_options(target) | given.get("target", {})
         self._start(parameters_from_options(MonitorParameters, given, lines))
         if isinstance(target, LineObservation):
             self.set_target(target)

@@ -28,7 +28,7 @@ def parameters_from_options(kind: type[_P], options: Mapping[str, Any], lines: L
     Raises:
         ParameterError: If an option is unknown or its value is not allowed; the message speaks of the argument.
     """
-    values = _flatten("", options)
+    values = flatten_options(options)
     if lines is not None:
         values |= {**scene_values(lines), "scene_frame": lines.frame}
     try:
@@ -37,14 +37,19 @@ def parameters_from_options(kind: type[_P], options: Mapping[str, Any], lines: L
         raise ParameterError(str(error).replace("parameter", "argument")) from None
 
 
-def _flatten(prefix: str, options: Mapping[str, Any]) -> dict[str, Any]:
+def pose_options(pose: Pose) -> dict[str, Any]:
+    """Return the parameters position and orientation of a pose."""
+    return {"position": pose.translation.tolist(), "orientation": pose.quaternion_xyzw.tolist()}
+
+
+def flatten_options(options: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested options by parameter name, with dots, after a prefix; a Pose becomes position and orientation."""
     values: dict[str, Any] = {}
     for name, value in options.items():
         if isinstance(value, Mapping):
-            values |= _flatten(f"{prefix}{name}.", value)
+            values |= flatten_options(value, f"{prefix}{name}.")
         elif isinstance(value, Pose):
-            values[f"{prefix}{name}.position"] = value.translation.tolist()
-            values[f"{prefix}{name}.orientation"] = value.quaternion_xyzw.tolist()
+            values |= flatten_options(pose_options(value), f"{prefix}{name}.")
         else:
             values[prefix + name] = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
     return values

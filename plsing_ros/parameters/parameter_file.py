@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from plsing_ros.errors import SceneFileError
+from plsing_ros.parameters.options import flatten_options
 
 
 def read_parameters(path: str | Path, node: str) -> dict[str, Any]:
@@ -32,15 +33,5 @@ def read_parameters(path: str | Path, node: str) -> dict[str, Any]:
         # In ROS "**" stands for any number of names, also for none.
         pattern = f"/{section}".replace("//", "/").replace("/**/", "/*").replace("/**", "/*")
         if fnmatch.fnmatchcase(f"/{node}", pattern):
-            values |= _flatten("", body["ros__parameters"])
-    return values
-
-
-def _flatten(prefix: str, body: Mapping[str, Any]) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    for name, value in body.items():
-        if isinstance(value, Mapping):
-            values |= _flatten(f"{prefix}{name}.", value)
-        else:
-            values[f"{prefix}{name}"] = value
+            values |= flatten_options(body["ros__parameters"])
     return values

@@ -11,6 +11,7 @@ from typing import Any
 from plsing_ros.arrays import Array
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.parameters.options import flatten_options
 from plsing_ros.parameters.scene import scene_values
 from plsing_ros.planning.detour import DetourOptions
 from plsing_ros.planning.trajectory_detour import TrajectoryDetour, plan_trajectory
@@ -94,7 +95,7 @@ class ServoTask:
         """Return the simulator's parameters by ROS name."""
         return {
             **scene_values(self.lines),
-            **_pose_values("start", self.start_pose()),
+            **flatten_options({"start": self.start_pose()}),
             "mode": "lockstep",
             "time_step": self.time_step,
             "noise": self.noise,
@@ -106,7 +107,7 @@ class ServoTask:
         """Return the controller's parameters by ROS name."""
         return {
             **scene_values(self.lines),
-            **_pose_values("target", self.target_pose(0.0)),
+            **flatten_options({"target": self.target_pose(0.0)}),
             "target.source": "topic" if self.moving else "pose",
             # The paper's paths lead through singular points, which the controller would refuse as targets.
             "target.min_inverse_condition_number": 0.0,
@@ -116,7 +117,3 @@ class ServoTask:
             "max_angular_speed": 0.0,
             **self.law,
         }
-
-
-def _pose_values(name: str, pose: Pose) -> dict[str, Any]:
-    return {f"{name}.position": pose.translation.tolist(), f"{name}.orientation": pose.quaternion_xyzw.tolist()}

@@ -81,7 +81,7 @@ class FacePoints:
         self._points: Array = np.empty((0, 3))
         self._pixels: Pixels = np.empty((0, 2), dtype=np.float32)
         self._triangles: npt.NDArray[np.int_] = np.empty(0, dtype=int)
-        self._covariance = np.zeros((6, 6))
+        self._covariance: Array = np.zeros((6, 6))
         self._taken = 0
         self._image: Image | None = None
 
@@ -153,7 +153,7 @@ class FacePoints:
         """
         self._image = image
         self._covariance = covariance
-        self._points = np.empty((0, 3), dtype=np.float64)
+        self._points = self._points[:0]
         self._pixels, self._triangles = self._pixels[:0], self._triangles[:0]
         if followed is not None:
             correction = pose.inverse() @ followed.T_camera_model
