@@ -114,6 +114,24 @@ def test_results_print_as_a_summary():
     }
     for words, result in texts.items():
         assert words in str(result)
+    assert f"{pl.ServoController(LINES, target=TARGET).step(seen, time=0).mode}" == "SERVOING"
+    measured = pl.singular_set(pl.LineSet.from_points_directions(POINTS[:4], DIRECTIONS[:4], position_std=1e-3))
+    assert measured.loci and all(str(locus).startswith(locus.name) for locus in measured.loci)
+    assert "standard deviation" in str(measured.proximity(START)) and len(repr(measured.loci[0])) < 500
+
+
+def test_an_argument_of_another_type_is_named():
+    controller, monitor = pl.ServoController(LINES, target=TARGET), pl.SingularityMonitor(LINES, target=TARGET)
+    halted = controller.step(None, time=0)
+    assert halted.mode.name == "HALTED" and "observation" in halted.reason and not halted.twist.any()
+    for call in (
+        lambda: monitor.assess([1.0, 0.0, 0.0], time=0),
+        lambda: pl.estimate_pose(LINES, None),
+        lambda: pl.PoseFilter(LINES).update("seen", 0.0),
+        lambda: pl.project(LINES, [1.0, 2.0, 3.0]),
+    ):
+        with pytest.raises(pl.PlsingError, match="LineObservation|Pose"):
+            call()
 
 
 def test_it_imports_with_numpy_and_scipy_alone():

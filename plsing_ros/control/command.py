@@ -3,19 +3,19 @@
 
 from __future__ import annotations
 
-import enum
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from plsing_ros.arrays import Array
+from plsing_ros.levels import MessageWord
 
 _ZERO = np.zeros(6)
 _ZERO.setflags(write=False)
 
 
-class Mode(enum.IntEnum):
+class Mode(MessageWord):
     """What the controller is doing; values as in plsing_msgs/ControllerState."""
 
     WAITING = 0

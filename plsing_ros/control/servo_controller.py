@@ -13,7 +13,7 @@ from plsing_ros.control.gate import StatusGate
 from plsing_ros.control.gate_exit import leave
 from plsing_ros.control.servo_cycle import ServoCycle
 from plsing_ros.errors import ObservationError, PlsingError
-from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.features import LineObservation, LinesVerdict, checked_observation
 from plsing_ros.features.consistency import ConsistencyCheck
 from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
@@ -197,7 +197,7 @@ class ServoController:
         """
         try:
             stamp = stamp_from_seconds(time)
-            return self.answer(self._lifted(observation, pose), stamp, stamp)
+            return self.answer(self._lifted(checked_observation(observation), pose), stamp, stamp)
         except PlsingError as error:
             return self.halt(str(error))
 

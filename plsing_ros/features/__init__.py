@@ -5,7 +5,7 @@ from plsing_ros.features.conditioning import Conditioning, conditioning, inverse
 from plsing_ros.features.decomposition import Decomposition, decompose, smallest_over_largest
 from plsing_ros.features.interaction import decompose_interaction, interaction_matrix
 from plsing_ros.features.least_squares import LeastSquaresSolution, feature_error, solve_least_squares
-from plsing_ros.features.observation import LineObservation, LinesVerdict, project
+from plsing_ros.features.observation import LineObservation, LinesVerdict, checked_observation, project
 from plsing_ros.features.projection import degenerate_projections, image_depth, project_lines
 from plsing_ros.features.rank_basis import rank_basis
 
@@ -15,6 +15,7 @@ __all__ = [
     "LeastSquaresSolution",
     "LineObservation",
     "LinesVerdict",
+    "checked_observation",
     "conditioning",
     "decompose",
     "decompose_interaction",

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import enum
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -15,9 +14,10 @@ import numpy.typing as npt
 
 from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray, checked_array, shaped_array
-from plsing_ros.errors import ObservationError, PlsingError
+from plsing_ros.errors import GeometryError, ObservationError, PlsingError
 from plsing_ros.features.projection import degenerate_projections, have_images, project_lines
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.levels import MessageWord
 
 # Trackers round image lines to float32 at worst; a longer deviation from l'_x^2 + l'_y^2 = 1 is another normalisation.
 _NORM_TOLERANCE = 1e-3
@@ -25,7 +25,7 @@ _NORM_TOLERANCE = 1e-3
 _ALL = cast("BoolArray", None)
 
 
-class LinesVerdict(enum.IntEnum):
+class LinesVerdict(MessageWord):
     """How far 3-D lines can be trusted; values as in plsing_msgs/LineFeatureArray."""
 
     GIVEN = 0
@@ -224,11 +224,28 @@ class LineObservation:
             raise ObservationError(f"3-D lines of the observation: {error}") from None
 
 
+def checked_observation(observation: LineObservation) -> LineObservation:
+    """Return the argument; ObservationError if it is something else."""
+    if not isinstance(observation, LineObservation):
+        raise ObservationError(
+            f"observation is a {type(observation).__name__}; expected a LineObservation, as from project or "
+            "LineObservation.from_image_lines"
+        )
+    return observation
+
+
 def project(lines: LineSet, T_world_camera: Pose) -> LineObservation:
     """Return what a camera at a pose sees of lines in the world: ids, image lines, and 3-D lines in the camera.
 
     Lines whose projection is degenerate (through the camera centre, or in its plane z = 0) are not usable.
+
+    Raises:
+        GeometryError: If one of the two is something else.
     """
+    if not isinstance(lines, LineSet) or not isinstance(T_world_camera, Pose):
+        raise GeometryError(
+            f"project takes a LineSet and a Pose, not {type(lines).__name__} and {type(T_world_camera).__name__}"
+        )
     return LineObservation.of_lines(lines.transformed(T_world_camera.inverse(), "camera"))
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import enum
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
+from plsing_ros.levels import MessageWord
 from plsing_ros.singularities import DistanceArrays, Kind, LocusDistance, SingularSet
 
 # Below this the camera is at rest, or its motion is across nothing.
@@ -24,7 +24,7 @@ _PASSING = 0.1  # [s]
 _LINE_OR_POINT, _SURFACE, _LEFT_OUT = 0.0, 1.0, -1.0
 
 
-class Trend(enum.IntEnum):
+class Trend(MessageWord):
     """How the camera moves with respect to the nearest locus; values as in plsing_msgs/SingularityStatus."""
 
     UNKNOWN = 0

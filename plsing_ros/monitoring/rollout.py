@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import enum
 import math
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.levels import MessageWord
 from plsing_ros.singularities import SingularSet
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _MAX_HORIZON = 60.0  # [s]
 _AUTO = {"guarded": "mean", "detour": "target"}
 
 
-class Harm(enum.IntEnum):
+class Harm(MessageWord):
     """What comes of a run, at its first instant."""
 
     NONE = 0  # arrived, or on its way

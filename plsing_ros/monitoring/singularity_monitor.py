@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError, PlsingError
-from plsing_ros.features import LineObservation, conditioning, decompose_interaction
+from plsing_ros.features import LineObservation, checked_observation, conditioning, decompose_interaction
 from plsing_ros.features.consistency import ConsistencyCheck
 from plsing_ros.features.target import MINIMUM_LINES
 from plsing_ros.geometry import LineSet, Pose
@@ -206,9 +206,10 @@ class SingularityMonitor:
             twist: (v, omega) that is commanded in answer, shape (6,) [m/s, rad/s], if it is known.
 
         Raises:
-            ObservationError: If the time is not a finite number, or beyond 1e9 s.
+            ObservationError: If the time is not a finite number, or beyond 1e9 s, or the observation is something else.
         """
         stamp = stamp_from_seconds(time)
+        checked_observation(observation)
         if pose is not None:
             self.receive_pose(pose, stamp)
             if observation.lines_camera is None and observation.usable_ids:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import enum
 import itertools
 import math
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from plsing_ros.arrays import Array, BoolArray
 from plsing_ros.errors import GeometryError
 from plsing_ros.features import degenerate_projections
 from plsing_ros.geometry import Pose
+from plsing_ros.levels import MessageWord
 from plsing_ros.planning.camera_path import CameraPath, SpeedLimits, even_progress
 from plsing_ros.planning.clearance import Clearance
 from plsing_ros.planning.path_conditions import focal_angles, inverse_condition_numbers
@@ -32,7 +32,7 @@ _SHARES = (1.0, 0.5, 0.25, 0.1)
 _ATTEMPTS = 8
 
 
-class Decision(enum.IntEnum):
+class Decision(MessageWord):
     """What the controller would do; values as in plsing_msgs/CheckTarget."""
 
     STRAIGHT = 0

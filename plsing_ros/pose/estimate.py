@@ -3,19 +3,19 @@
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass
 
 import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
+from plsing_ros.levels import MessageWord
 from plsing_ros.singularities import LocusDistance
 
 FROM_IMAGE, FROM_FILTER = "image", "filter"
 
 
-class Verdict(enum.IntEnum):
+class Verdict(MessageWord):
     """How far a pose can be trusted; the values are those of plsing_msgs/PoseEstimate."""
 
     OK = 0

@@ -12,7 +12,7 @@ import numpy as np
 from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import DegenerateProjectionError, GeometryError, ObservationError
-from plsing_ros.features import LineObservation, decompose_interaction
+from plsing_ros.features import LineObservation, checked_observation, decompose_interaction
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.rotations import rotation_vector
 from plsing_ros.parameters.options import parameters_from_options
@@ -84,9 +84,9 @@ class PoseEstimator:
                 as long as one is within reach: what the image leaves open, the motion decides.
 
         Raises:
-            ObservationError: If a line is not in the scene.
+            ObservationError: If a line is not in the scene, or the observation is something else.
         """
-        ids = observation.usable_ids
+        ids = checked_observation(observation).usable_ids
         unknown = [i for i in observation.ids if i not in self._row_of]
         if unknown:
             raise ObservationError(f"line id {unknown[0]} is not in the scene, whose ids are {list(self.lines.ids)}")

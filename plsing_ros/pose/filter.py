@@ -13,7 +13,7 @@ import numpy.typing as npt
 from plsing_ros import _core
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import ObservationError, ParameterError
-from plsing_ros.features import LineObservation
+from plsing_ros.features import LineObservation, checked_observation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.parameters.options import parameters_from_options
@@ -134,7 +134,7 @@ class PoseFilter:
         time = self._clock if time is None else float(time)
         if not math.isfinite(time):
             raise ObservationError(f"the time of the image is {time} s")
-        rows = self._rows(observation)
+        rows = self._rows(checked_observation(observation))
         if self._latest is None and abs(time - self._clock) > _OTHER_CLOCK:
             self._set_clock(time)
         if self._latest is not None and self._time is not None and time <= self._time:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -72,8 +72,14 @@ class Locus:
     kind: Kind
     part: Part
     exactness: float
-    lines: LineSet
-    exact_lines: LineSet | None
+    lines: LineSet = field(repr=False)
+    exact_lines: LineSet | None = field(repr=False)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name}: {self.exactness:.2g} tolerances from exact, 1/cond down to "
+            f"{self.lowest_relative_condition:.1e} of normal, below a tenth within {self.half_width:.3g} m"
+        )
 
     def closest_point(self, pose_or_center: Pose | npt.ArrayLike) -> Array:
         """Return the point closest to a camera centre, shape (3,) [m]; to first order for quadrics and cubics.

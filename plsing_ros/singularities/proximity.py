@@ -49,6 +49,15 @@ class Proximity(NamedTuple):
     rotation_std: float
     least_observable_motion: Array
 
+    def __str__(self) -> str:
+        x, y, z = self.closest_point.tolist()
+        known = "" if self.z is None else f"z {self.z:.3g}; "
+        return (
+            f"{known}about {self.distance:.3g} m from a singular centre near ({x:.4g}, {y:.4g}, {z:.4g}) m; 1/cond "
+            f"{self.relative_condition:.2g} of normal; standard deviation {self.position_std:.3g} m and "
+            f"{self.rotation_std:.3g} rad along the least observable motion"
+        )
+
 
 def proximity(
     lines: LineSet, frame: SceneFrame, normal: float, pose_or_center: Pose | npt.ArrayLike, image_std: float

@@ -131,9 +131,7 @@ class SingularSet:
         if not self.loci:
             return [f"{known} no singular point, line or surface is known; z tells how near any camera is to one"]
         return [f"{known} this scene is, as far as is known of its lines, singular in:"] + [
-            f"  {locus.name}: {locus.exactness:.2g} tolerances from exact, 1/cond down to "
-            f"{locus.lowest_relative_condition:.1e} of normal, below a tenth within {locus.half_width:.3g} m"
-            for locus in self.loci
+            f"  {locus}" for locus in self.loci
         ]
 
     @cached_property

@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass
 
 from plsing_ros.arrays import Array
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
+from plsing_ros.levels import MessageWord
 
 
-class TrackingState(enum.IntEnum):
+class TrackingState(MessageWord):
     """How far what was found can be used."""
 
     TRACKING = 0
