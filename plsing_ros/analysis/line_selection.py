@@ -6,29 +6,41 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations, islice
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.analysis.accuracy import MIN_LINES, Camera, line_information, position_deviations
-from plsing_ros.arrays import Array, BoolArray, IntArray, checked_array
+from plsing_ros.analysis.accuracy import MIN_LINES, Camera
+from plsing_ros.analysis.checkpoint import Checkpoint, digest
+from plsing_ros.analysis.line_search import (
+    CHECKED,
+    LociTask,
+    Search,
+    Sets,
+    SetsTask,
+    StartsTask,
+    deviation_of,
+    merged,
+    run_search_task,
+    sets_tasks,
+    starts_tasks,
+)
+from plsing_ros.analysis.parallel import Workers
+from plsing_ros.arrays import checked_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.singularities import singular_set
 
 # Up to so many sets all are tried.
 MAX_EXHAUSTIVE = 400_000
 MAX_POSES = 50
-_STARTS = 12
-# The best sets whose loci are computed.
-_CHECKED = 200
 _RANDOM = 500
+# Sets whose loci one task computes.
+_LOCI_A_TASK = 10
 # Rows of each kind in a summary.
 _SHOWN = 5
-_BATCH = 20_000
-# A pose at which a set sees too few lines is worse than any deviation.
-_BLIND = 1e9
+
+_Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,13 +127,17 @@ def select_lines(
     image_std: float = 1e-3,
     max_angle: float = math.pi / 3,
     clearance: float = 0.1,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: _Progress = lambda done, total: None,
+    processes: int | None = 1,
+    scheduler: str | None = None,
+    resume: Path | None = None,
 ) -> LineSelection:
     """Return the lines to servo on: the smallest of the largest position deviation over the poses.
 
     Up to 400,000 sets are all compared; of more, the best of an exchange of lines from twelve starts is taken. Of the
-    best 200 sets the first is chosen whose singular loci, lines' tolerances included, keep the clearance from the path
-    through the poses. If none does, it is the one with the largest clearance. The same input gives the same answer.
+    best 200 sets the first is chosen whose loci, those that are singular only within the lines' tolerances included,
+    keep the clearance from the poses. If none does, it is the one with the largest clearance. The same input gives the
+    same answer, to the last digit, whoever does the work.
 
     Args:
         lines: n candidates in the world frame.
@@ -131,10 +147,16 @@ def select_lines(
         image_std: Standard deviation of an image line's angle [rad] and offset.
         max_angle: A line is in view within this angle of the optical axis [rad].
         clearance: Distance from the path to singular loci that is asked for [m].
-        progress: Called with what is done and the total.
+        progress: Called with what is done and the total, of one stage after the other.
+        processes: Of this machine; None: as many as there are cores. More than one needs the caller's main module to
+            be importable (`if __name__ == "__main__":`).
+        scheduler: Address of a Dask cluster that does the work instead ("tcp://host:8786").
+        resume: Folder for a file of what is done, from which the same call goes on after it was stopped.
 
     Raises:
         GeometryError: If count is not between 3 and n, there is no pose, or ends has another shape.
+        ParameterError: If processes is below 1.
+        SchedulerError: If the cluster or the processes cannot be used.
 
     Source: new, docs/howto/select_lines.md.
     """
@@ -143,12 +165,13 @@ def select_lines(
         raise GeometryError(f"count is {count}; it must be between {MIN_LINES} and the number of candidates, {n}")
     segments = None if ends is None else checked_array("ends", np.reshape(ends, (-1, 2, 3)), (n, 2, 3))
     chosen_poses = _thinned(poses)
-    information = line_information(lines, chosen_poses, Camera(image_std, max_angle), segments)
-    costs = _Costs(information.matrices, information.visible)
+    search = Search(lines, count, chosen_poses, Camera(image_std, max_angle), segments)
+    costs = search.costs
     exact = math.comb(n, count) <= MAX_EXHAUSTIVE
-    local = _exchange_from_starts(costs, n, count, progress)
-    sets, values = _exhaustive(costs, n, count, local, progress) if exact else local
-    kept, dropped = _keep_clear(lines, sets, values, chosen_poses, clearance)
+    checkpoint = _checkpoint(resume, search, exact)
+    with Workers(scheduler, processes) as workers:
+        sets = _best_sets(search, workers, checkpoint, exact, progress)
+        kept, dropped = _keep_clear(search, sets, clearance, workers, checkpoint, progress)
     best, value, distance, locus = kept
     rest = [i for i in range(n) if i not in best]
     without = {i: [j for j in best if j != i] for i in best}
@@ -158,148 +181,87 @@ def select_lines(
     longest = None
     if segments is not None:
         length = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
-        longest = _deviation(costs.of_sets(np.argsort(-length, kind="stable")[np.newaxis, :count])[0])
+        longest = deviation_of(costs.of_sets(np.argsort(-length, kind="stable")[np.newaxis, :count])[0])
     return LineSelection(
         ids=tuple(lines.ids[i] for i in best),
-        deviation=_deviation(value),
+        deviation=deviation_of(value),
         clearance=distance,
         locus=locus,
         exact=exact,
-        dropped=tuple((tuple(lines.ids[i] for i in rows), _deviation(v), d, name) for rows, v, d, name in dropped),
-        without={lines.ids[i]: _deviation(costs.of_sets(np.array([rows]))[0]) for i, rows in without.items()},
-        instead={lines.ids[i]: _deviation(costs.of_sets(np.array(rows)).min()) for i, rows in instead.items()},
-        random=_deviation(float(np.median(costs.of_sets(random)))),
+        dropped=tuple((tuple(lines.ids[i] for i in rows), deviation_of(v), d, name) for rows, v, d, name in dropped),
+        without={lines.ids[i]: deviation_of(costs.of_sets(np.array([rows]))[0]) for i, rows in without.items()},
+        instead={lines.ids[i]: deviation_of(costs.of_sets(np.array(rows)).min()) for i, rows in instead.items()},
+        random=deviation_of(float(np.median(costs.of_sets(random)))),
         longest=longest,
-        everything=_deviation(costs.of_sets(np.arange(n)[np.newaxis])[0]),
+        everything=deviation_of(costs.of_sets(np.arange(n)[np.newaxis])[0]),
         clearance_asked=clearance,
     )
 
 
-def _thinned(poses: Sequence[Pose]) -> list[Pose]:
+def _thinned(poses: Sequence[Pose]) -> tuple[Pose, ...]:
     rows = np.linspace(0, len(poses) - 1, min(len(poses), MAX_POSES)).round().astype(int)
-    return [poses[row] for row in rows]
+    return tuple(poses[row] for row in rows)
 
 
-class _Costs:
-    """What sets of lines are worth: the largest deviation over the poses, plus a fine for each pose that is blind."""
-
-    def __init__(self, matrices: Array, visible: BoolArray) -> None:
-        self._matrices, self._visible = matrices, visible
-
-    def of_sets(self, sets: IntArray) -> Array:
-        """Return the cost of sets of rows, shape (m, k), as (m,)."""
-        return self.of_good_sets(sets, np.inf)
-
-    def of_good_sets(self, sets: IntArray, bound: float) -> Array:
-        """Return the cost of sets; one that is above a bound may be given by any number above it."""
-        worst, blind = np.zeros(len(sets)), np.zeros(len(sets))
-        open_ = np.arange(len(sets))
-        for pose in range(len(self._matrices)):
-            matrices, visible = self._matrices[pose], self._visible[pose]
-            for begin in range(0, len(open_), _BATCH):
-                rows = open_[begin : begin + _BATCH]
-                of_rows = sets[rows]
-                information = matrices[of_rows[:, 0]].copy()
-                for column in range(1, sets.shape[1]):
-                    information += matrices[of_rows[:, column]]
-                deviation = position_deviations(information, visible[of_rows].sum(axis=1))
-                unseen = ~np.isfinite(deviation)
-                blind[rows] += unseen
-                worst[rows] = np.maximum(worst[rows], np.where(unseen, 0.0, deviation))
-            if bound < np.inf:
-                open_ = open_[worst[open_] + _BLIND * blind[open_] <= bound]
-        cost: Array = worst + _BLIND * blind
-        return cost
+def _checkpoint(folder: Path | None, search: Search, exact: bool) -> Checkpoint:
+    """Return where results are kept: a file for each input."""
+    lines, ends = search.lines, search.ends
+    arrays = [
+        lines.direction,
+        lines.pivot,
+        lines.position_std,
+        lines.direction_std,
+        np.zeros(0) if ends is None else ends,
+    ]
+    arrays += [part for pose in search.poses for part in (pose.rotation, pose.translation)]
+    name = digest(*arrays, lines.ids, search.count, search.camera, exact)
+    file = None if folder is None else folder / f"select_lines_{name}.jsonl"
+    return Checkpoint(file, {"selection": name})
 
 
-def _deviation(cost: float) -> float:
-    return math.inf if cost >= _BLIND else float(cost)
+_Kept = tuple[list[int], float, float, str]
 
 
-def _exchange_from_starts(
-    costs: _Costs, n: int, count: int, progress: Callable[[int, int], None]
-) -> tuple[IntArray, Array]:
-    """Return sets that no exchange of one line improves, and all sets met on the way to them, best first."""
-    generator = np.random.default_rng(0)
-    starts = [_greedy(costs, n, count), *(generator.permutation(n)[:count] for _ in range(_STARTS - 1))]
-    met: dict[tuple[int, ...], float] = {}
-    for number, start in enumerate(starts):
-        current = tuple(sorted(start.tolist()))
-        cost = float(costs.of_sets(np.array([current]))[0])
-        while True:
-            rest = [i for i in range(n) if i not in current]
-            others = [tuple(sorted((set(current) - {i}) | {j})) for i in current for j in rest]
-            if not others:
-                met[current] = cost
-                break
-            values = costs.of_sets(np.array(others))
-            met.update(zip(others, values.tolist(), strict=True))
-            best = int(np.argmin(values))
-            if values[best] >= cost:
-                met[current] = cost
-                break
-            current, cost = others[best], float(values[best])
-        progress(number + 1, len(starts))
-    ordered = sorted(met, key=lambda rows: (met[rows], rows))[:_CHECKED]
-    return np.array(ordered), np.array([met[rows] for rows in ordered])
+def _best_sets(search: Search, workers: Workers, checkpoint: Checkpoint, exact: bool, progress: _Progress) -> Sets:
+    """Return the best sets, best first."""
+    starts = starts_tasks(search)
+    local = merged(_results(starts, workers, checkpoint, progress))
+    if not exact:
+        return local
+    # A set that is worse than so many others is of no interest, whatever its cost is.
+    bound = local[-1][1] if len(local) >= CHECKED else math.inf
+    return merged([local, *_results(sets_tasks(search, bound), workers, checkpoint, progress)])
 
 
-def _greedy(costs: _Costs, n: int, count: int) -> IntArray:
-    """Return rows taken one by one, from the best set of three among the first ones on."""
-    triples = np.array(list(islice(combinations(range(n), MIN_LINES), _BATCH)))
-    rows = triples[np.argmin(costs.of_sets(triples))].tolist()
-    while len(rows) < count:
-        rest = [i for i in range(n) if i not in rows]
-        rows.append(rest[int(np.argmin(costs.of_sets(np.array([[*rows, i] for i in rest]))))])
-    return np.array(rows)
-
-
-def _exhaustive(
-    costs: _Costs, n: int, count: int, local: tuple[IntArray, Array], progress: Callable[[int, int], None]
-) -> tuple[IntArray, Array]:
-    """Return the best of all sets, best first."""
-    sets, total = combinations(range(n), count), math.comb(n, count)
-    best, values = local
-    for begin in range(0, total, _BATCH):
-        batch = np.array(list(islice(sets, _BATCH)))
-        # A set that is worse than so many others is of no interest, whatever its cost is.
-        bound = float(values[-1]) if len(values) >= _CHECKED else np.inf
-        found = costs.of_good_sets(batch, bound)
-        merged = {tuple(rows): value for rows, value in zip(best.tolist(), values.tolist(), strict=True)}
-        for row in np.flatnonzero(found <= bound):
-            merged[tuple(batch[row].tolist())] = float(found[row])
-        ordered = sorted(merged, key=lambda rows: (merged[rows], rows))[:_CHECKED]
-        best, values = np.array(ordered), np.array([merged[rows] for rows in ordered])
-        progress(min(begin + _BATCH, total), total)
-    return best, values
-
-
-_Kept = tuple[tuple[int, ...], float, float, str]
+def _results(
+    tasks: Sequence[StartsTask | SetsTask], workers: Workers, checkpoint: Checkpoint, progress: _Progress
+) -> list[Sets]:
+    named = {f"{type(task).__name__} {task.begin}": task for task in tasks}
+    results = []
+    for task, result in zip(tasks, checkpoint.run(workers, run_search_task, named), strict=True):
+        results.append(result)
+        progress(task.end, tasks[-1].end)
+    return results
 
 
 def _keep_clear(
-    lines: LineSet, sets: IntArray, values: Array, poses: Sequence[Pose], clearance: float
+    search: Search, sets: Sets, clearance: float, workers: Workers, checkpoint: Checkpoint, progress: _Progress
 ) -> tuple[_Kept, list[_Kept]]:
     """Return the first set that keeps the clearance, and those before it that do not."""
-    centers = np.array([pose.translation for pose in poses])
+    tasks = {
+        f"LociTask {begin}": LociTask(search, [rows for rows, _ in sets[begin : begin + _LOCI_A_TASK]])
+        for begin in range(0, len(sets), _LOCI_A_TASK)
+    }
     dropped: list[_Kept] = []
-    for rows, value in zip(sets.tolist(), values.tolist(), strict=True):
-        distance, name = _nearest(lines.select(rows), centers)
-        if distance >= clearance:
-            return (tuple(rows), value, distance, name), dropped
-        dropped.append((tuple(rows), value, distance, name))
+    for result in checkpoint.run(workers, run_search_task, tasks):
+        for distance, name in result:
+            rows, value = sets[len(dropped)]
+            if distance >= clearance:
+                return (rows, value, distance, name), dropped
+            dropped.append((rows, value, distance, name))
+        progress(len(dropped), len(sets))
     kept = max(dropped, key=lambda each: each[2])
     return kept, [each for each in dropped if each is not kept]
-
-
-def _nearest(lines: LineSet, centers: Array) -> tuple[float, str]:
-    """Return the distance of camera centres to the nearest singular locus, and its name."""
-    singular = singular_set(lines)
-    if singular.singular_everywhere:
-        return 0.0, "every camera centre"
-    nearest = [singular.nearest_locus(center) for center in centers]
-    found = [(each.distance, each.name) for each in nearest if each is not None]
-    return min(found, default=(math.inf, ""))
 
 
 def _listed(ids: tuple[int, ...]) -> str:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 from collections.abc import Callable
@@ -53,3 +54,9 @@ def make_folder(folder: Path, what: str, options: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise PlsingError(f"cannot {what} to {folder}: {error}; choose another {options}") from None
+
+
+def add_worker_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say who does the work, for plsing_ros.analysis.parallel.Workers."""
+    parser.add_argument("--processes", type=int, help="on this machine (as many as cores)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on: tcp://host:8786")

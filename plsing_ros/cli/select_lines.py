@@ -13,13 +13,16 @@ import numpy as np
 
 from plsing_ros.analysis.line_selection import LineSelection, select_lines
 from plsing_ros.cli.camera_poses import PATH_HELP, add_pose_options, camera_poses
-from plsing_ros.cli.command import make_folder, run_command
+from plsing_ros.cli.command import add_worker_options, make_folder, run_command
 from plsing_ros.geometry.scene_file import read_scene, read_segment_ends
 
 _EPILOG = f"""examples:
   select_lines building.yaml --count 4 --box 2 -1 1 3 1 2
   select_lines building.yaml --count 6 --start 3 0 1 --target 1 0 1 --look-at 0 0 1 --output chosen/
   select_lines building.yaml --count 4 --path path.csv --json
+  select_lines hall.yaml --count 8 --box 0 0 1 20 9 2 --output chosen/ --scheduler tcp://host:8786
+
+With --output, a command that was stopped goes on where it was when it is given again.
 
 {PATH_HELP}"""
 
@@ -41,7 +44,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--clearance", type=float, default=0.1, help="distance from singular loci to keep [m] (%(default)g)"
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
-    parser.add_argument("--output", type=Path, metavar="DIR", help="folder for a figure of the comparison")
+    parser.add_argument(
+        "--output", type=Path, metavar="DIR", help="folder for a figure, and for what is needed to go on"
+    )
+    add_worker_options(parser)
     options = parser.parse_args(argv)
     return run_command("select_lines", lambda: _run(options))
 
@@ -68,6 +74,9 @@ def _run(options: argparse.Namespace) -> int:
             max_angle=math.radians(options.view) / 2.0,
             clearance=options.clearance,
             progress=progress,
+            processes=options.processes,
+            scheduler=options.scheduler,
+            resume=options.output,
         )
     print(json.dumps(_as_json(chosen), indent=2) if options.json else chosen)
     if options.output is not None:

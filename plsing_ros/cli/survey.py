@@ -8,7 +8,6 @@ has its own random stream, so that the result does not depend on where a run was
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,8 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from plsing_ros.analysis.checkpoint import Checkpoint
 from plsing_ros.analysis.parallel import run_tasks
 from plsing_ros.arrays import Array
+from plsing_ros.cli.command import add_worker_options
 from plsing_ros.errors import ParameterError, PlsingError
 from plsing_ros.geometry import LineSet
 from plsing_ros.singularities import singular_set
@@ -79,14 +80,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--scenes", type=int, default=100_000, help="how many (%(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the random scenes (%(default)s)")
     parser.add_argument("--output", type=Path, help="file to write and to continue; nothing is kept without it")
-    parser.add_argument("--processes", type=int, help="on this machine (as many as cores)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on: tcp://host:8786")
+    add_worker_options(parser)
     options = parser.parse_args(arguments)
     try:
         if options.scenes < 1 or options.seed < 0:
             raise ParameterError(f"--scenes {options.scenes} and --seed {options.seed}: need at least 1 and at least 0")
-        finished = _read(options.output, options.seed)
-        records = list(_run(options, finished))
+        header = {"survey": "real isolated points of four lines", "seed": options.seed, "scenes_per_chunk": _CHUNK}
+        records = list(_run(options, Checkpoint(options.output, header, "chunk")))
     except (PlsingError, OSError) as error:
         print(f"survey: {error}", file=sys.stderr)
         return 2
@@ -97,9 +97,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _run(options: argparse.Namespace, finished: dict[int, dict[str, Any]]) -> Iterator[dict[str, Any]]:
+def _run(options: argparse.Namespace, checkpoint: Checkpoint) -> Iterator[dict[str, Any]]:
     from tqdm import tqdm
 
+    finished = checkpoint.records
     sizes = [_CHUNK] * (options.scenes // _CHUNK) + ([options.scenes % _CHUNK] if options.scenes % _CHUNK else [])
     open_chunks = [(options.seed, i, size) for i, size in enumerate(sizes) if not _is_whole(finished.get(i), size)]
     tasks = [open_chunks[i : i + _CHUNKS_PER_TASK] for i in range(0, len(open_chunks), _CHUNKS_PER_TASK)]
@@ -107,10 +108,7 @@ def _run(options: argparse.Namespace, finished: dict[int, dict[str, Any]]) -> It
         bar.update(options.scenes - sum(size for _, _, size in open_chunks))
         for records in run_tasks(_survey_chunks, tasks, options.scheduler, options.processes):
             for record in records:
-                if options.output is not None:
-                    with options.output.open("a", encoding="utf-8") as file:
-                        file.write(json.dumps(record) + "\n")
-                finished[record["chunk"]] = record
+                checkpoint.add(record)
                 bar.update(sizes[record["chunk"]])
     yield from (finished[chunk] for chunk in range(len(sizes)))
 
@@ -120,45 +118,10 @@ def _survey_chunks(chunks: Sequence[tuple[int, int, int]]) -> list[dict[str, Any
 
 
 def _is_whole(record: dict[str, Any] | None, size: int) -> bool:
-    if record is None:
+    if record is None or not record.keys() >= _COUNTED:
         return False
     counted: int = sum(record["elliptic"]) + sum(record["hyperbolic"]) + len(record["unresolved"])
     return counted == size
-
-
-def _read(output: Path | None, seed: int) -> dict[int, dict[str, Any]]:
-    """Return the finished chunks of an earlier run by number, and write the header of a new one."""
-    header = {"survey": "real isolated points of four lines", "seed": seed, "scenes_per_chunk": _CHUNK}
-    if output is None:
-        return {}
-    if not output.exists() or output.stat().st_size == 0:
-        output.write_text(json.dumps(header) + "\n", encoding="utf-8")
-        return {}
-    try:
-        text = output.read_text(encoding="utf-8")
-        first, *lines = text.splitlines()
-    except UnicodeDecodeError:
-        raise ParameterError(f"{output} is not a survey but a binary file; give another --output") from None
-    if _record(first) != header:
-        raise ParameterError(
-            f"{output} belongs to another survey or is none (it begins with {first[:100]!r}); give another --output "
-            "or the same seed"
-        )
-    # The last line of an interrupted run may be cut off; its chunk is computed again, on a line of its own.
-    if not text.endswith("\n"):
-        with output.open("a", encoding="utf-8") as file:
-            file.write("\n")
-    records = [record for record in map(_record, lines) if record.keys() >= _COUNTED]
-    return {int(record["chunk"]): record for record in records}
-
-
-def _record(line: str) -> dict[str, Any]:
-    """Return what a line says, or nothing if it is no record."""
-    try:
-        record = json.loads(line)
-    except json.JSONDecodeError:
-        return {}
-    return record if isinstance(record, dict) else {}
 
 
 def report(records: Sequence[dict[str, Any]]) -> str:
