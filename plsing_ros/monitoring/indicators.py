@@ -21,7 +21,7 @@ from plsing_ros.singularities import Kind, Proximity, SingularSet
 _DISTANCES = {
     "transversal_distance": (Kind.TRANSVERSAL,),
     "isolated_point_distance": (Kind.ISOLATED_POINT,),
-    "surface_distance": (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC, Kind.STRAIGHT_LINE, Kind.CONIC),
+    "surface_distance": (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC, Kind.STRAIGHT_LINE, Kind.CONIC, Kind.CURVE),
 }
 _CONDITION, _RELATIVE = "inverse_condition_number", "relative_inverse_condition_number"
 _CRITICAL_CONDITION = "the critical inverse condition number"

@@ -42,6 +42,7 @@ _LOCUS_KINDS = {
     Kind.STRAIGHT_LINE: LocusDistanceMessage.KIND_STRAIGHT_LINE,
     Kind.CONIC: LocusDistanceMessage.KIND_CONIC,
     Kind.EVERYWHERE: LocusDistanceMessage.KIND_EVERYWHERE,
+    Kind.CURVE: LocusDistanceMessage.KIND_CURVE,
 }
 
 

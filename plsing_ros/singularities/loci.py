@@ -20,6 +20,7 @@ class Kind(enum.Enum):
     CUBIC = "cubic surface"
     STRAIGHT_LINE = "singular straight line"
     CONIC = "conic"
+    CURVE = "curve"
     EVERYWHERE = "everywhere"
 
     def __str__(self) -> str:

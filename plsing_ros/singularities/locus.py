@@ -14,6 +14,7 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.pose import checked_center
 from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.loci import Kind
+from plsing_ros.singularities.meshing import surface_triangles
 from plsing_ros.singularities.proximity import conditions_at, halton_shell, normal_condition
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
@@ -23,6 +24,8 @@ from plsing_ros.singularities.surfaces import Surface
 _SAMPLES, _BESIDE = 40, 1e-3
 # The share of the normal inverse condition number below which a camera is in the width of a locus.
 _WIDTH_SHARE = 0.1
+# Scene lengths from the scene's centre up to which loci are drawn if nothing else is said.
+_DRAWN = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,16 @@ class StraightPart:
         """Return its point closest to a centre, shape (3,) [m]."""
         closest: Array = self.point + ((center - self.point) @ self.direction) * self.direction
         return closest
+
+    def polyline(self, middle: Array, radius: float) -> Array:
+        """Return the two ends of its part in a ball, or the point itself; empty outside the ball, shape (k, 3) [m]."""
+        closest = self.closest_point(middle)
+        square = radius**2 - float(((closest - middle) ** 2).sum())
+        if square < 0.0:
+            return np.zeros((0, 3))
+        ways = np.array([[-1.0], [1.0]]) if self.direction.any() else np.array([[0.0]])
+        points: Array = closest + np.sqrt(square) * ways * self.direction
+        return points
 
 
 class Everywhere:
@@ -99,6 +112,36 @@ class Locus:
         """Return the distance of a camera centre from closest_point [m]."""
         center = checked_center("pose_or_center", pose_or_center)
         return float(np.linalg.norm(self.closest_point(center) - center))
+
+    def polyline(self, middle: npt.ArrayLike | None = None, radius: float | None = None) -> Array:
+        """Return points along the part of a line or curve in a ball, for drawing, shape (k, 3) [m].
+
+        A row of NaN separates branches; an isolated point is one point; empty for surfaces, and outside the ball.
+
+        Args:
+            middle: Of the ball, in the frame of the lines, shape (3,) [m]; None: the scene's centre.
+            radius: [m]; None: three scene lengths.
+        """
+        if isinstance(self.part, Surface | Everywhere):
+            return np.zeros((0, 3))
+        return self.part.polyline(*self._ball(middle, radius))
+
+    def mesh(self, middle: npt.ArrayLike | None = None, radius: float | None = None, resolution: int = 32) -> Array:
+        """Return triangles of the part of a surface in a cube, for drawing, shape (k, 3, 3) [m]; empty if it is none.
+
+        Args:
+            middle: Of the cube, in the frame of the lines, shape (3,) [m]; None: the scene's centre.
+            radius: Half the cube's edge [m]; None: three scene lengths.
+            resolution: Cells along each edge, >= 1.
+        """
+        if not isinstance(self.part, Surface):
+            return np.zeros((0, 3, 3))
+        return surface_triangles(self.part, *self._ball(middle, radius), resolution)
+
+    def _ball(self, middle: npt.ArrayLike | None, radius: float | None) -> tuple[Array, float]:
+        frame = self._frame
+        center = frame.center if middle is None else checked_center("middle", middle)
+        return center, _DRAWN * frame.length if radius is None else radius
 
     @cached_property
     def samples(self) -> Array:

@@ -65,6 +65,23 @@ def test_the_loci_of_the_exact_scene_are_found_again(name, size):
                 assert min_ratio(singular.exact_lines, center) < 1e-8
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_drawings_lie_on_their_loci(name):
+    """Each locus draws itself, surfaces as meshes and the rest as polylines, in the ball or cube asked for."""
+    singular = singular_set(measured(SCENES[name][0], 1e-4, 1e-4, 0))
+    for locus in singular.loci:
+        middle, radius = locus.samples[0], 2.0 * singular.frame.length
+        polyline, mesh = locus.polyline(middle, radius), locus.mesh(middle, radius, 12)
+        is_surface = locus.kind in (Kind.PLANE, Kind.QUADRIC, Kind.CUBIC)
+        assert (len(polyline) == 0, len(mesh) > 0) == (is_surface, is_surface)
+        points = (mesh if is_surface else polyline).reshape(-1, 3)
+        points = points[np.isfinite(points).all(axis=1)]
+        assert np.abs(points - middle).max() <= radius * (1.0 + 1e-9)
+        assert max(locus.distance(point) for point in points) <= 0.1 * radius
+        if locus.kind is not Kind.QUADRIC:
+            assert max(locus.distance(point) for point in points) <= 1e-9 * radius
+
+
 def test_without_tolerances_measured_lines_are_general_ones():
     lines = measured(CORRIDOR, 1e-3, 1e-3, 0)
     taken_as_exact = singular_set(LineSet(lines.direction, lines.moment, lines.frame))
