@@ -42,9 +42,9 @@ class TimedSimulator(FeatureSimulatorNode):
         super().__init__(**options)
 
     def _advance_in_lockstep(self) -> None:
-        before = self._simulation.frame().step
+        before = self.simulation.step
         super()._advance_in_lockstep()
-        if self._simulation.frame().step != before:
+        if self.simulation.step != before:
             self.steps.note()
 
 

@@ -10,10 +10,11 @@ import numpy as np
 from plsing_ros.arrays import Array
 from plsing_ros.control.servo_controller import Command, ServoController
 from plsing_ros.errors import PlsingError
+from plsing_ros.geometry import Pose
 from plsing_ros.parameters import ControllerParameters, SimulatorParameters
 from plsing_ros.simulation.run_record import RunRecord
 from plsing_ros.simulation.servo_task import LOST, ServoTask
-from plsing_ros.simulation.simulation import Frame, Simulation
+from plsing_ros.simulation.simulation import Simulation
 
 
 class RunRows:
@@ -76,19 +77,19 @@ def run_in_core(task: ServoTask) -> RunRecord:
         if task.moving:
             servo.set_target(task.target_observation(len(rows) * task.time_step, parameters.camera_frame))
 
-    for frame, command in servo_frames(simulation, servo, retarget):
-        rows.add(frame.T_world_camera.translation, command.twist, command.error_norm, command.inverse_condition_number)
+    for pose, command in servo_frames(simulation, servo, retarget):
+        rows.add(pose.translation, command.twist, command.error_norm, command.inverse_condition_number)
         if rows.ended:
             break
     else:
-        rows.ended = f"lost: {simulation.frame().reason}"
+        rows.ended = f"lost: {simulation.reason}"
     return rows.record()
 
 
 def servo_frames(
     simulation: Simulation, servo: ServoController, before_frame: Callable[[], None] = lambda: None
-) -> Iterator[tuple[Frame, Command]]:
-    """Yield each frame of a simulation in lockstep with the controller's answer to it, until the camera is lost.
+) -> Iterator[tuple[Pose, Command]]:
+    """Yield T_world_camera at each frame of a simulation and the controller's answer to it, until the camera is lost.
 
     Args:
         simulation: In mode lockstep.
@@ -96,13 +97,12 @@ def servo_frames(
         before_frame: Called before each answer.
     """
     while True:
-        frame = simulation.frame()
         before_frame()
         try:
-            command = servo.answer(frame.observation, frame.stamp, frame.stamp)
+            command = servo.answer(simulation.observation, simulation.stamp, simulation.stamp)
         except PlsingError as error:
             command = servo.halt(str(error))
-        yield frame, command
-        simulation.receive_twist(command.twist, frame.stamp)
+        yield simulation.T_world_camera, command
+        simulation.receive_twist(command.twist, simulation.stamp)
         if not simulation.step_in_lockstep():
             return

@@ -127,15 +127,15 @@ def simulate(
     controller = ServoController(lines, target, law=law, gain=gain, **options)
     poses, twists, conditions = [], [], []
     arrived, reason = False, f"not there after {max_time:g} s"
-    for frame, command in servo_frames(simulation, controller):
-        poses.append(frame.T_world_camera)
+    for pose, command in servo_frames(simulation, controller):
+        poses.append(pose)
         twists.append(command.twist)
         conditions.append(command.inverse_condition_number)
-        arrived = _is_there(frame.T_world_camera, target, *tolerance)
+        arrived = _is_there(pose, target, *tolerance)
         if arrived or len(poses) * time_step > max_time:
             break
     else:
-        reason = simulation.frame().reason
+        reason = simulation.reason
     if arrived:
         reason = "at the target"
     elif not command.mode.moves:

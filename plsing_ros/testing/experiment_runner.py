@@ -23,7 +23,7 @@ from plsing_ros.nodes.pose_conversions import camera_pose_from_message
 from plsing_ros.simulation.run_record import RunRecord
 from plsing_ros.simulation.servo_run import RunRows
 from plsing_ros.simulation.servo_task import ServoTask
-from plsing_ros.simulation.simulation import FIRST_STAMP
+from plsing_ros.simulation.stepping import FIRST_STAMP
 from plsing_ros.testing.harness import Harness
 from plsing_ros.testing.synchronizer import RELIABLE, FrameSynchronizer, stamp_of
 

@@ -21,7 +21,7 @@ from plsing_ros.nodes.pose_conversions import camera_pose_from_message
 from plsing_ros.nodes.pose_estimator import PoseEstimatorNode
 from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 from plsing_ros.simulation.run_record import Alert, RunRecord
-from plsing_ros.simulation.simulation import FIRST_STAMP
+from plsing_ros.simulation.stepping import FIRST_STAMP
 from plsing_ros.testing.harness import Harness
 from plsing_ros.testing.recorder import BagRecorder
 from plsing_ros.testing.synchronizer import BEST_EFFORT, RELIABLE, FrameSynchronizer, has_come, stamp_of, taken
