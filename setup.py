@@ -86,6 +86,7 @@ setup(
     ],
     install_requires=["numpy>=1.26,<3", "scipy>=1.11,<2"],
     extras_require={
+        "arm": ["mujoco>=3.1,<3.4", "opencv-python-headless>=4.6,<5"],
         "bags": ["rosbags>=0.10,<0.12"],
         "dask": ["distributed>=2024.1"],
         "files": ["PyYAML>=6,<7", "tqdm>=4,<5", "matplotlib>=3.6,<4"],
@@ -106,6 +107,7 @@ setup(
             "singularity_monitor = plsing_ros.nodes.singularity_monitor:main",
             "pose_estimator = plsing_ros.nodes.pose_estimator:main",
             "line_tracker = plsing_ros.nodes.line_tracker:main",
+            "arm_simulator = plsing_ros.nodes.arm_simulator:main",
             "container = plsing_ros.nodes.container:main",
             "demo = plsing_ros.cli.demo:main",
             "analyze = plsing_ros.cli.analyze:main",

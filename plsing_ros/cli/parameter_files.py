@@ -18,6 +18,7 @@ from plsing_ros.parameters import (
     SimulatorParameters,
     Specification,
 )
+from plsing_ros.parameters.arm_simulator import ArmSimulatorParameters
 from plsing_ros.parameters.line_tracker import LineTrackerParameters
 from plsing_ros.parameters.node import AUTOSTART, AUTOSTART_DEFAULT
 
@@ -27,6 +28,7 @@ NODES: dict[str, type[ParameterSet]] = {
     "singularity_monitor": MonitorParameters,
     "pose_estimator": PoseEstimatorParameters,
     "line_tracker": LineTrackerParameters,
+    "arm_simulator": ArmSimulatorParameters,
 }
 
 

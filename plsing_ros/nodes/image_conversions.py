@@ -55,6 +55,22 @@ def image_message(image: npt.NDArray[np.uint8], head: Header) -> Image:
     return message
 
 
+def camera_info_message(camera: PinholeCamera, head: Header) -> CameraInfo:
+    """Return the message of a calibration; R is the identity and P has no baseline, as of a single camera."""
+    coefficients = list(camera.distortion)
+    k = [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]
+    return CameraInfo(
+        header=head,
+        width=camera.width,
+        height=camera.height,
+        distortion_model="plumb_bob" if len(coefficients) <= 5 else "rational_polynomial",
+        d=coefficients + [0.0] * ((5 if len(coefficients) <= 5 else 8) - len(coefficients)),
+        k=k,
+        r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p=[*k[:3], 0.0, *k[3:6], 0.0, *k[6:], 0.0],
+    )
+
+
 def camera_from_message(message: CameraInfo) -> PinholeCamera:
     """Return the camera of a calibration.
 

@@ -101,7 +101,8 @@ class PolygonRenderer:
         face = self._model.faces[row]
         a, b, c = (corners[face[i]] for i in range(3))
         outwards = np.cross(b - a, c - a) @ (a - corners.mean(axis=0))
-        return bool(np.cross(b - a, c - a) @ a * outwards < 0.0)
+        # A plate has no outside: both its sides are painted.
+        return bool(np.cross(b - a, c - a) @ a * outwards <= 1e-15)
 
     def _fill(self, canvas: npt.NDArray[np.uint8], outline: Array, light: float) -> None:
         if outline[:, 2].min() <= 1e-6:
@@ -132,13 +133,15 @@ def random_patches(model: Model, count: int, random: np.random.Generator) -> lis
     """Return patches with random places, sizes and lights on the faces of a model, as texture.
 
     Args:
-        model: With faces of four corners.
+        model: Only its faces of four corners are painted.
         count: Of patches on each face.
         random: Where they come from.
     """
     patches = []
     for row, face in enumerate(model.faces):
-        origin, right, _, down = (model.vertices[i] for i in face[:4])
+        if len(face) != 4:
+            continue
+        origin, right, _, down = (model.vertices[i] for i in face)
         for _ in range(count):
             x, y = random.uniform(0.05, 0.8, 2)
             w, h = random.uniform(0.05, 0.15, 2)
