@@ -26,10 +26,10 @@ _DISTANCES = {
 _CONDITION, _RELATIVE = "inverse_condition_number", "relative_inverse_condition_number"
 _CRITICAL_CONDITION = "the critical inverse condition number"
 _SMALLEST, _GROWTH, _TIME = "smallest_singular_value", "speed_growth", "time"
-_Z, _PRECISION = "z", "position_std"
+_Z, _DISTANCE, _PRECISION, _TURN = "z", "distance", "position_std", "rotation_std"
 _RISK, _DEMAND, _TIME_TO_HARM = "risk", "demand", "time_to_harm"
 # The worse the larger they are: their inverses are judged. With the unit that a threshold is said in.
-_RISING = {_GROWTH: "times", _PRECISION: "m", _RISK: "", _DEMAND: "times"}
+_RISING = {_GROWTH: "times", _PRECISION: "m", _TURN: "rad", _RISK: "", _DEMAND: "times"}
 # Share of trust: POOR lines may be wrong near a singularity, of AMBIGUOUS ones every number may be of another pose.
 _TRUST = {LinesVerdict.POOR: 0.5, LinesVerdict.AMBIGUOUS: 0.0}
 _TRUST_THRESHOLDS = Thresholds(0.75, 0.25, 0.75, 0.25)
@@ -77,7 +77,7 @@ class Indicators:
         self._absolute_stands_in = mode == "auto"
         self._thresholds = {
             name: _thresholds(parameters, name)
-            for name in (*_DISTANCES, _CONDITION, _RELATIVE, _SMALLEST, _Z, *_RISING, _TIME_TO_HARM)
+            for name in (*_DISTANCES, _CONDITION, _RELATIVE, _SMALLEST, _Z, _DISTANCE, *_RISING, _TIME_TO_HARM)
         }
         self._soon = Thresholds(parameters.horizon, 0.0)
         self._no_growth = Indicator(_GROWTH, math.inf, self._thresholds[_GROWTH], lambda: "speed, no longer predicted,")
@@ -134,13 +134,23 @@ class Indicators:
     def _proximity(self, near: Proximity) -> list[Indicator]:
         precision = f"1 mrad in the image is {near.position_std:.3g} m and {near.rotation_std:.3g} rad there"
 
-        def position() -> str:
-            return (
-                f"position error for 1 mrad in the image, {near.position_std:.3g} m along the least observable motion,"
-            )
+        def absolute(name: str, what: str, value: float, unit: str) -> Indicator:
+            def text() -> str:
+                return f"{what} error for 1 mrad in the image, {value:.3g} {unit} along the least observable motion,"
 
-        inverse = 1.0 / near.position_std if near.position_std > 0.0 else math.inf
-        found = [Indicator(_PRECISION, inverse, self._thresholds[_PRECISION], position)]
+            return Indicator(name, _inverse(value), self._thresholds[name], text)
+
+        found = [
+            Indicator(
+                _DISTANCE,
+                near.distance,
+                self._thresholds[_DISTANCE],
+                lambda: f"distance {near.distance:.3g} m from the nearest singular pose, to first order,",
+                " m",
+            ),
+            absolute(_PRECISION, "position", near.position_std, "m"),
+            absolute(_TURN, "orientation", near.rotation_std, "rad"),
+        ]
         if near.z is not None:
             z = near.z
             text = lambda: f"z, tolerances of the lines from a singular pose ({precision}), {z:.3g},"  # noqa: E731

@@ -13,6 +13,7 @@ from plsing_ros.parameters.parameter_set import parameter
 
 _RATIO = {"minimum": 0.0, "maximum": 1.0}
 _DISTANCE = {"unit": "m", "minimum": 0.0, "maximum": 1e6}
+_ANGLE = {"unit": "rad", "minimum": 0.0, "maximum": 1e6}
 _NUMBER = {"minimum": 0.0, "maximum": 1e12}
 _GROWTH = {"minimum": 0.0, "maximum": 1e6}
 
@@ -52,12 +53,27 @@ _MONITORED = {
     "z": _Monitored(
         "z", 3.0, 0.0, "fewer than this many tolerances of the scene's lines from an exactly singular pose", _NUMBER
     ),
+    "distance": _Monitored(
+        "distance",
+        0.0,
+        0.0,
+        "nearer than this to the nearest singular pose to first order, whether or not a locus is known there",
+        _DISTANCE,
+    ),
     "position_std": _Monitored(
         "position_std",
         0.0,
         0.0,
         "when an error of 1 mrad of each image line puts the position off by this along the least observable motion",
         _DISTANCE,
+        rises=True,
+    ),
+    "rotation_std": _Monitored(
+        "rotation_std",
+        0.0,
+        0.0,
+        "when an error of 1 mrad of each image line turns the pose by this in the least observable motion",
+        _ANGLE,
         rises=True,
     ),
     "transversal_distance": _Monitored(

@@ -20,9 +20,10 @@ FALLING = (
     "relative_inverse_condition_number",
     "smallest_singular_value",
     "z",
+    "distance",
     "transversal_distance",
     "isolated_point_distance",
     "surface_distance",
 )
-JUDGED = (*FALLING, "position_std", "speed_growth")
+JUDGED = (*FALLING, "position_std", "rotation_std", "speed_growth")
 OFF = {f"{level}.{name}": 0.0 for level in ("warn", "critical") for name in JUDGED}

@@ -16,6 +16,7 @@ from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.parameters.loop import LoopParameters
 from plsing_ros.parameters.task import TaskParameters
+from plsing_ros.singularities import singular_set
 
 HERE = Pose(LOOK, ON_TRANSVERSAL + [0.1, 0.2, 0.1])
 STEP = 40_000_000
@@ -85,7 +86,7 @@ def number_here(name):
     found = rig.see()
     kinds = {"transversal_distance": "transversal", "isolated_point_distance": "isolated"}
     names = rig.monitor.singular_set.locus_names
-    if name.endswith("distance"):
+    if name.endswith("_distance"):
         lines = [each for each in names if each.startswith("line")]
         rows = [
             i for i, each in enumerate(names) if (each.startswith(kinds[name]) if name in kinds else each not in lines)
@@ -97,6 +98,7 @@ def number_here(name):
         "relative_inverse_condition_number": inverse / found.target_inverse_condition_number,
         "smallest_singular_value": found.conditioning.smallest_singular_value,
         "z": found.proximity.z,
+        "distance": found.proximity.distance,
     }[name]
 
 
@@ -118,22 +120,41 @@ def test_thresholds_of_numbers_that_fall(name):
     assert rig.level() is Level.OK
 
 
-def test_thresholds_of_the_precision_left():
+@pytest.mark.parametrize(("name", "word"), [("position_std", "position"), ("rotation_std", "orientation")])
+def test_thresholds_of_the_precision_left(name, word):
     rig = Rig()
-    value = rig.see().proximity.position_std
+    value = getattr(rig.see().proximity, name)
     for changes, expected in (
-        ({"warn.position_std": 1.1 * value}, Level.OK),
-        ({"warn.position_std": 0.98 * value}, Level.WARN),
-        ({"critical.position_std": 0.985 * value}, Level.CRITICAL),
-        ({"critical.position_std": 1.1 * value}, Level.CRITICAL),
-        ({"critical.position_std_exit": 1.05 * value}, Level.WARN),
-        ({"critical.position_std": 0.0, "warn.position_std": 1.1 * value}, Level.WARN),
-        ({"warn.position_std_exit": 1.05 * value}, Level.OK),
+        ({"warn": 1.1 * value}, Level.OK),
+        ({"warn": 0.98 * value}, Level.WARN),
+        ({"critical": 0.985 * value}, Level.CRITICAL),
+        ({"critical": 1.1 * value}, Level.CRITICAL),
+        ({"critical_exit": 1.05 * value}, Level.WARN),
+        ({"critical": 0.0, "warn": 1.1 * value}, Level.WARN),
+        ({"warn_exit": 1.05 * value}, Level.OK),
     ):
-        rig.set(changes)
+        levels = {each.replace("_exit", ""): f"{name}_exit" if each.endswith("_exit") else name for each in changes}
+        rig.set({f"{level}.{levels[level]}": changes[each] for each, level in zip(changes, levels, strict=True)})
         found = rig.see()
         assert found.level is expected, changes
-        assert expected is Level.OK or "position error for 1 mrad" in found.reason
+        assert expected is Level.OK or f"{word} error for 1 mrad" in found.reason
+
+
+def test_a_singular_pose_without_a_locus_warns_by_its_distance():
+    """Five lines off a common transversal by millimetres, taken as exact: nothing is listed, and the pose is bad."""
+    transversal = singular_set(SCENE).transversals[0]
+    meeting = transversal.point + 3.0 * transversal.direction + [2e-3, 0.0, 1e-3]
+    scene = LineSet.from_points_directions(
+        np.concatenate([SCENE.point, [meeting]]), np.concatenate([SCENE.direction, [[2.0, 1.0, 0.5]]])
+    )
+    rig = Rig(scene, lines__position_std=[0.0], lines__direction_std=[0.0])
+    assert rig.monitor.singular_set.loci == ()
+    rig.set({"warn.distance": 0.05})
+    found = rig.see(Pose(LOOK, transversal.point - 4.0 * transversal.direction))
+    assert found.nearest is None
+    assert found.proximity.distance < 0.05
+    assert found.level is Level.WARN
+    assert "from the nearest singular pose" in found.reason
 
 
 def test_a_scene_that_is_bad_everywhere_warns_in_metres():
