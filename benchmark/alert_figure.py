@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figure of the alerts: ROC of all detectors, and how far the said risk is what came."""
+"""The figure of the alerts: ROC of all detectors, and how far the risk that is said is the share that comes to harm."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from benchmark.alert_report import bins_of, detectors, said_and_came, scores_of, wilson
 from benchmark.alert_runs import Record
-from benchmark.alerts import scores_of
 
 
 def draw(records: Mapping[str, Sequence[Record]], path: str) -> None:
@@ -21,21 +21,32 @@ def draw(records: Mapping[str, Sequence[Record]], path: str) -> None:
     figure, axes = pyplot.subplots(2, len(records), figsize=(4.5 * len(records), 8.0), squeeze=False)
     for column, (condition, runs) in enumerate(records.items()):
         roc, reliability = axes[0][column], axes[1][column]
-        for name in sorted({name for each in runs for name in each.scores}):
+        for name in detectors(runs):
             harmful, harmless = scores_of(runs, name)
             if len(harmful) and len(harmless):
-                steps = np.sort(np.concatenate([harmful, harmless, [-np.inf]]))[::-1]
+                steps = np.concatenate([[np.inf], np.sort(np.concatenate([harmful, harmless]))[::-1], [-np.inf]])
                 false, recall = ([np.mean(group > step) for step in steps] for group in (harmless, harmful))
-                roc.plot(false, recall, label=name)
-        roc.set(title=condition, xlabel="false alarms, share of runs", ylabel="recall of harm", xlim=(-0.02, 1.02))
-        roc.legend(fontsize="small")
-        first = [(each.answers[0][1], bool(each.harm)) for each in runs if each.answers]
-        said, came = (np.array(values, dtype=float) for values in zip(*first, strict=True))
-        levels = np.unique(said)
-        shares = [came[said == level].mean() for level in levels]
-        sizes = [8.0 + 60.0 * np.sqrt(np.mean(said == level)) for level in levels]
-        reliability.plot([0.0, 1.0], [0.0, 1.0], "k:")
-        reliability.scatter(levels, shares, sizes)
-        reliability.set(xlabel="risk said at the first answer", ylabel="share that came to harm")
+                roc.plot([*false, 1.0], [*recall, 1.0], label=name, lw=2.5 if name == "risk" else 1.2)
+        roc.axvline(0.05, color="0.8", lw=0.8, zorder=0)
+        roc.set(
+            title=condition,
+            xlabel="share of harmless runs that alert",
+            ylabel="share of harmful runs announced",
+            xlim=(-0.02, 1.02),
+            ylim=(-0.02, 1.02),
+        )
+        roc.legend(fontsize="small", loc="lower right")
+        reliability.plot([0.0, 1.0], [0.0, 1.0], "k:", lw=0.8)
+        for once, label, marker in ((True, "first answer", "o"), (False, "once a second", "s")):
+            bins = bins_of(*said_and_came(runs, once))
+            said = np.array([mean for mean, _, _ in bins])
+            share = np.array([harmed / total for _, harmed, total in bins])
+            bounds = np.array([wilson(harmed, total) for _, harmed, total in bins])
+            error = np.abs(bounds.T - share)
+            reliability.errorbar(said, share, error, fmt=marker, capsize=3, ms=5, label=label)
+        reliability.set(
+            xlabel="risk said", ylabel="share of the runs that came to harm", xlim=(-0.03, 1.03), ylim=(-0.03, 1.03)
+        )
+        reliability.legend(fontsize="small", loc="upper left")
     figure.tight_layout()
     figure.savefig(path, dpi=90)

@@ -4,277 +4,277 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
-from scipy.stats import norm
 
-from benchmark.servo_conditions import (
-    CONDITIONS,
-    FOCAL_LENGTH,
-    HALF_VIEW,
-    ROBOT_LIMITS,
-    Camera,
-    Condition,
-    Frame,
-    ServoTask,
-    draw_task,
-    view_of,
+from benchmark.alert_settings import (
+    Setting,
+    controller_parameters,
+    draw_setting,
+    estimator_parameters,
+    monitor_parameters,
+    with_other_errors,
 )
+from benchmark.servo_conditions import HALF_VIEW, ROBOT_LIMITS, Camera, Frame, view_of
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import PlsingError
-from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
-from plsing_ros.monitoring.rollout import Harm, LoopModel, RolloutLaw, RolloutTask, RunState
+from plsing_ros.monitoring.risk import Risk
+from plsing_ros.monitoring.rollout import Harm, RolloutLaw
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
-from plsing_ros.parameters import ControllerParameters, MonitorParameters, PoseEstimatorParameters
 from plsing_ros.pose.pose_tracker import PoseTracker
 
-LAWS = ("pinv", "pinv", "dls", "adaptive_dls", "guarded", "detour", "position", "fused")
 _SECOND = 1_000_000_000
-_NEAREST, _SHORTEST = 0.1, 20.0 / FOCAL_LENGTH
 _ARRIVED, _ARRIVED_ANGLE, _ARRIVED_TIME = 0.05, math.radians(2.0), 1.0
 _SOFT_START = 1.0  # [s]
-_TRUE_ROLLOUTS = 6
-# The law's own limits, and none.
-_LIMITS = {True: ROBOT_LIMITS, False: (0.0, 0.0)}
+# Six others of every third run in harsh conditions.
+_TRUE_RUNS, _TRUE_EVERY = 6, 3
+# Between two looks at the margin of visibility [s].
+_VISIBILITY_PERIOD = 0.05
+# A speed that a limit has scaled is that limit but for rounding.
+_ROUNDING = 1.0 + 1e-9
+_ALERTS = (Level.WARN, Level.CRITICAL)
 
 
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """One run to be made.
+@dataclass
+class Record:
+    """What came of a run; plain numbers, so that it can be kept as a line of JSON.
 
     Attributes:
-        condition: What is wrong.
-        task: Scene, start and target.
-        kind: "any", "crossing", "at a singularity" (from time 0 on) or "pure rotation".
-        law: Of the controller.
-        rate: Of the frames [Hz].
-        limited: Whether the controller has its limits on.
-        soft: Whether its speed rises over the first second.
-        chain: Whether 3-D lines and pose come from pose_estimator.
-        seed: Of all noise.
+        condition, seed, number: Which run it is.
+        kind, law, gain, rate, limited, soft, chain: Of its Setting.
+        harm: What kind, a value of Harm.
+        harm_time: From the start [s]; the end of the run without harm.
+        demand_time: When a demand was commanded first [s], or None.
+        first_alert: When the level was WARN or CRITICAL first [s], or None.
+        alert_share: Share of the run's frames with an alert.
+        alerts: What called for the first alert, and why.
+        answers: (time, share of this answer's samples that come to harm, probability said, demand said) of each
+            roll-out.
+        scores: Of each simpler detector: (time, score) where it rose to a new maximum.
+        changes: Of the level.
+        frames: In all.
+        worst: Level that was worst, a value of Level; UNOBSERVABLE where no pose could be found.
+        true_share: Share of other runs of the same task that come to harm, or None.
     """
 
-    condition: Condition
-    task: ServoTask
+    condition: str
+    seed: int
+    number: int
     kind: str
     law: str
+    gain: float
     rate: float
     limited: bool
     soft: bool
     chain: bool
-    seed: int
+    harm: int = 0
+    harm_time: float = 0.0
+    demand_time: float | None = None
+    first_alert: float | None = None
+    alert_share: float = 0.0
+    alerts: str = ""
+    answers: list[tuple[float, float, float, float]] = field(default_factory=list)
+    scores: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    changes: int = 0
+    frames: int = 0
+    worst: int = 0
+    true_share: float | None = None
+
+    def line(self) -> str:
+        """Return it as a line of JSON, with four digits."""
+        return json.dumps(_rounded(dataclasses.asdict(self)))
+
+    @classmethod
+    def from_line(cls, line: str) -> Record:
+        """Return the record of a line."""
+        return cls(**json.loads(line))
 
 
-@dataclass(frozen=True, eq=False)
-class Record:
-    """What came of a run.
+def record_of(condition: str, seed: int, number: int) -> Record:
+    """Make run `number` of a seed, with the monitor watching.
 
-    Attributes:
-        setting: Of it, without its arrays.
-        harm: What kind.
-        harm_time: From the start [s]; the end of the run without harm.
-        demand_time: When a demand was commanded first [s], or None.
-        alerts: Times at which the level was WARN or CRITICAL [s], and the first one of a demand or risk alert.
-        share: Of the run's time with an alert.
-        answers: (time, risk) at the first answer and once a second.
-        scores: Of each detector: (time, score) where it rose to a new maximum.
-        changes: Of the level.
-        frames: In all.
+    In harsh conditions, of every third run six more are made without it, with other errors of camera, pose, map and
+    focal length: what can be known of the run by whoever knows the conditions, and the map as it is given.
     """
-
-    kind: str
-    law: str
-    gain: float
-    limited: bool
-    soft: bool
-    chain: bool
-    harm: Harm
-    harm_time: float
-    demand_time: float | None
-    first_alert: float | None
-    share: float
-    answers: list[tuple[float, float]]
-    scores: dict[str, list[tuple[float, float]]]
-    changes: int
-    frames: int
-
-
-def draw_setting(condition: str, seed: int, number: int) -> Setting:
-    """Return run `number` of a seed."""
-    generator = np.random.default_rng([seed, number])
-    found = CONDITIONS[condition]
-    if condition == "lab":
-        found = replace(found, limited=False)
-    kind = ("any", "crossing", "any", "crossing", "crossing", "pure rotation", "any", "at a singularity")[number % 8]
-    task = draw_task(generator, found, crossing=kind in ("crossing", "at a singularity"))
-    if kind == "pure rotation":
-        turn = Rotation.from_rotvec(generator.normal(scale=0.2, size=3)).as_matrix()
-        start = Pose(task.target.rotation @ turn, task.target.translation)
-        if np.count_nonzero(view_of(task.ends, start)[1]) >= 4:
-            task = replace(task, start=start)
-    if kind == "at a singularity":
-        task = replace(task, start=_on_transversal(task))
-    law = LAWS[int(generator.integers(len(LAWS)))]
-    return Setting(
-        found,
-        task,
-        kind,
-        law,
-        float(np.exp(generator.uniform(math.log(10.0), math.log(100.0)))),
-        bool(generator.random() < 0.5),
-        bool(generator.random() < 0.25),
-        bool(generator.random() < 0.25),
-        int(generator.integers(2**31)),
-    )
-
-
-def run(setting: Setting) -> Record:
-    """Run the loop to harm or arrival, or to the deadline, and let the monitor watch."""
-    return _Run(setting).record()
+    setting = draw_setting(condition, seed, number)
+    record = _Run(
+        setting,
+        setting.seed,
+        Record(
+            condition,
+            seed,
+            number,
+            setting.kind,
+            setting.law,
+            setting.task.gain,
+            setting.rate,
+            setting.limited,
+            setting.soft,
+            setting.chain,
+        ),
+    ).watched()
+    if condition == "harsh" and number % _TRUE_EVERY == 0:
+        others = [_Run(with_other_errors(setting, i), setting.seed + 1 + i).unwatched() for i in range(_TRUE_RUNS)]
+        record.true_share = sum(each is not Harm.NONE for each in others) / _TRUE_RUNS
+    return record
 
 
 class _Run:
-    def __init__(self, setting: Setting) -> None:
-        self._setting, task, condition = setting, setting.task, setting.condition
-        self._rng = np.random.default_rng(setting.seed)
-        self._camera = Camera(task, condition, self._rng)
-        self._controller = ServoController.from_parameters(_controller_parameters(setting))
-        self._monitor = SingularityMonitor.from_parameters(_monitor_parameters(setting))
-        self._tracker = PoseTracker(_estimator_parameters(setting)) if setting.chain else None
-        self._period = 1.0 / setting.rate
-        self._known = task.target
-        self._pose = task.start
-        self._scores: dict[str, list[tuple[float, float]]] = {}
+    """One task from its start to arrival, harm or the deadline."""
 
-    def record(self) -> Record:
-        setting, period = self._setting, self._period
-        task, condition, limits = setting.task, setting.condition, ROBOT_LIMITS
+    def __init__(self, setting: Setting, seed: int, record: Record | None = None) -> None:
+        self._setting, self._record = setting, record
+        self._rng = np.random.default_rng(seed)
+        self._camera = Camera(setting.task, setting.condition, self._rng)
+        self._controller = ServoController.from_parameters(controller_parameters(setting))
+        self._monitor = None if record is None else SingularityMonitor.from_parameters(monitor_parameters(setting))
+        self._tracker = PoseTracker(estimator_parameters(setting)) if setting.chain else None
+        self._period = 1.0 / setting.rate
+        self._pose = setting.task.start
+        self._looked = -math.inf
+        self._level = int(Level.OK)
+        self._risk: Risk | None = None
+
+    def watched(self) -> Record:
+        """Run, and return what the monitor said."""
+        record = self._record
+        assert record is not None
+        harm, time, frames = self._go()
+        record.harm, record.harm_time, record.frames = int(harm), time, frames
+        record.alert_share /= max(frames, 1)
+        return record
+
+    def unwatched(self) -> Harm:
+        """Run, and return what came of it."""
+        return self._go()[0]
+
+    def _go(self) -> tuple[Harm, float, int]:
+        setting, period, task = self._setting, self._period, self._setting.task
+        condition = setting.condition
         commands, carried_out = [np.zeros(6)], 0
         motion, asked, twist = np.zeros(6), np.zeros(6), np.zeros(6)
-        law = RolloutLaw.of_parameters(_controller_parameters(setting))
+        deadline = RolloutLaw.of_parameters(controller_parameters(setting)).deadline
         start_distance = _distance(task.start, task.target)[0]
         away = max(1.5 * start_distance, start_distance + 0.05)
-        harm, first, demand_time, first_alert, arrived_since = Harm.NONE, None, None, None, None
-        alerting, changes, level, answers, answered = 0, 0, None, [], -math.inf
-        self._note("true roll-outs", 0.0, _true_risk(setting))
-        frame = 0
+        first, arrived_since, frame = None, None, 0
         while True:
             time = frame * period
             distance, angle = _distance(self._pose, task.target)
-            seen = np.count_nonzero(view_of(task.ends, self._pose)[1])
             if distance > away:
-                harm = Harm.AWAY
-            elif seen < 3:
-                harm = Harm.FEW_LINES
-            elif time >= law.deadline:
-                harm = Harm.LATE
-            if harm is not Harm.NONE:
-                break
+                return Harm.AWAY, time, frame
+            if np.count_nonzero(view_of(task.ends, self._pose)[1]) < 3:
+                return Harm.FEW_LINES, time, frame
+            if time >= deadline:
+                return Harm.LATE, time, frame
             arrived = distance <= _ARRIVED and angle <= _ARRIVED_ANGLE
             arrived_since = None if not arrived else time if arrived_since is None else arrived_since
             if arrived_since is not None and time - arrived_since >= _ARRIVED_TIME:
-                break
-            stamp = _SECOND + round(time * _SECOND)
+                return Harm.NONE, time, frame
             if self._rng.random() >= condition.dropped:
-                assessment, asked, twist = self._cycle(stamp, time)
-                if assessment is not None:
-                    changes += level is not None and assessment.level is not level
-                    level = assessment.level
-                    if assessment.risk is not None:
-                        self._note("risk", time, assessment.risk.probability)
-                        self._note("demand", time, assessment.risk.demand)
-                        if time - answered >= 1.0:
-                            answered = time
-                            answers.append((time, assessment.risk.probability))
-                alerting += level in (Level.WARN, Level.CRITICAL)
-                if level in (Level.WARN, Level.CRITICAL) and first_alert is None:
-                    first_alert = time
+                asked, twist = self._cycle(time)
             speeds = float(np.linalg.norm(asked[:3])), float(np.linalg.norm(asked[3:]))
             if first is None and max(speeds) > 0.0:
                 first = speeds
-            if first is not None and demand_time is None:
-                over = [s > max(limit, 1.5 * f) for s, limit, f in zip(speeds, limits, first, strict=True)]
-                demand_time = time if any(over) else None
+            if first is not None and self._record is not None and self._record.demand_time is None:
+                limits = [max(limit, 1.5 * f) for limit, f in zip(ROBOT_LIMITS, first, strict=True)]
+                over = [speed > _ROUNDING * limit for speed, limit in zip(speeds, limits, strict=True)]
+                self._record.demand_time = time if any(over) else None
             commands.append(twist)
             late = condition.latency + (self._rng.random() < condition.jitter)
             carried_out = max(carried_out, len(commands) - 1 - late)
             motion = self._move(commands[carried_out], motion)
             frame += 1
-        return Record(
-            setting.kind,
-            setting.law,
-            task.gain,
-            setting.limited,
-            setting.soft,
-            setting.chain,
-            harm,
-            time,
-            demand_time,
-            first_alert,
-            alerting / max(frame, 1),
-            answers,
-            self._scores,
-            changes,
-            frame,
-        )
 
-    def _cycle(self, stamp: int, time: float) -> tuple[Assessment | None, np.ndarray, np.ndarray]:
-        """Return the assessment, and what the law asks for and what is commanded in one frame."""
+    def _cycle(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the law asks for and what is commanded in one frame; the monitor is asked before."""
+        stamp = _SECOND + round(time * _SECOND)
         frame = self._frame(stamp)
-        if frame is None:
-            return self._monitor.unusable("no pose", stamp), np.zeros(6), np.zeros(6)
+        if self._monitor is not None:
+            self._note(self._assessment(frame, stamp), time)
         try:
-            R = frame.T_world_camera.rotation
-            covariance = np.kron(np.eye(2), R) @ frame.covariance @ np.kron(np.eye(2), R).T
-            self._monitor.receive_pose(frame.T_world_camera, stamp, covariance)
-            assessment = self._monitor.answer(frame.observation, stamp, stamp)
+            command = (
+                self._controller.halt("no pose")
+                if frame is None
+                else self._controller.answer(frame.observation, stamp, stamp)
+            )
         except PlsingError as error:
-            assessment = self._monitor.unusable(str(error), stamp)
-        try:
-            asked = self._controller.answer(frame.observation, stamp, stamp).twist
-        except PlsingError as error:
-            asked = self._controller.halt(str(error)).twist
+            command = self._controller.halt(str(error))
+        asked = command.twist
         twist = asked * (min(time / _SOFT_START, 1.0) if self._setting.soft else 1.0)
-        self._monitor.receive_twist(twist, stamp)
-        if assessment is not None and assessment.conditioning is not None:
-            self._note("1 / cond", time, -assessment.conditioning.inverse_condition_number)
-            target = assessment.target_inverse_condition_number
+        if self._tracker is not None:
+            self._tracker.receive_twist(twist, stamp)
+        if self._monitor is not None:
+            self._monitor.receive_twist(twist, stamp)
+            self._score("commanded speed", time, float(np.linalg.norm(twist[:3])))
+            if time - self._looked >= _VISIBILITY_PERIOD:
+                self._looked = time
+                self._score("visibility margin (CBF)", time, self._visibility(twist))
+        return asked, twist
+
+    def _assessment(self, frame: Frame | None, stamp: int) -> Assessment | None:
+        monitor = self._monitor
+        assert monitor is not None
+        if frame is None:
+            return monitor.unusable("no pose", stamp)
+        try:
+            R = np.kron(np.eye(2), frame.T_world_camera.rotation)
+            monitor.receive_pose(frame.T_world_camera, stamp, R @ frame.covariance @ R.T)
+            return monitor.answer(frame.observation, stamp, stamp)
+        except PlsingError as error:
+            return monitor.unusable(str(error), stamp)
+
+    def _note(self, assessment: Assessment | None, time: float) -> None:
+        record = self._record
+        if assessment is None or record is None:
+            return
+        record.changes += bool(record.frames) and int(assessment.level) != self._level
+        record.frames += 1
+        self._level = int(assessment.level)
+        record.worst = max(record.worst, self._level)
+        if assessment.level in _ALERTS:
+            record.alert_share += 1.0
+            if record.first_alert is None:
+                record.first_alert, record.alerts = time, assessment.kind
+        risk = assessment.risk
+        if risk is not None and risk is not self._risk:
+            self._risk = risk
+            record.answers.append((time, risk.outcomes.risk, risk.probability, risk.demand))
+        if assessment.conditioning is not None:
+            here, target = assessment.conditioning.inverse_condition_number, assessment.target_inverse_condition_number
+            self._score("1 / cond", time, -here)
             if target:
-                self._note("relative 1 / cond", time, -assessment.conditioning.inverse_condition_number / target)
-            self._note("commanded speed", time, float(np.linalg.norm(twist[:3])))
-        self._note("visibility margin (CBF)", time, self._visibility(motion=twist))
-        return assessment, asked, twist
+                self._score("relative 1 / cond", time, -here / target)
+
+    def _score(self, name: str, time: float, score: float) -> None:
+        assert self._record is not None
+        noted = self._record.scores.setdefault(name, [])
+        if math.isfinite(score) and (not noted or score > noted[-1][1]):
+            noted.append((time, score))
 
     def _frame(self, stamp: int) -> Frame | None:
         lines, covariances, seen = self._camera.image(self._pose)
-        pose, covariance = self._camera.pose(self._pose)
         if self._tracker is None:
-            return self._camera.completed(lines, covariances, seen, pose, covariance)
-        image = LineObservation(self._setting.task.map.ids, lines * seen[:, np.newaxis], seen, None)
+            return self._camera.completed(lines, covariances, seen, *self._camera.pose(self._pose))
+        image = LineObservation(self._setting.task.map.ids, lines * seen[:, np.newaxis], seen, covariances=covariances)
         tracked = self._tracker.track(image, stamp, stamp)
-        if tracked.completed is None or tracked.estimate.T_world_camera is None:
+        pose = tracked.estimate.T_world_camera
+        if tracked.completed is None or pose is None:
             return None
-        given = dataclasses.replace(tracked.completed, verdict=LinesVerdict.GIVEN, verdict_reason="")
-        R = np.kron(np.eye(2), tracked.estimate.T_world_camera.rotation)
-        covariance = R.T @ tracked.estimate.covariance @ R
-        return Frame(given, covariances[seen], tracked.estimate.T_world_camera, covariance)
+        R = np.kron(np.eye(2), pose.rotation)
+        return Frame(tracked.completed, pose, R.T @ tracked.estimate.covariance @ R)
 
     def _visibility(self, motion: np.ndarray) -> float:
         """Return how much the barrier condition h' + h / 1 s >= 0 is violated; h is the third largest margin."""
         later = self._pose.integrate(motion, self._period)
         now, then = (_third_margin(self._setting.task.ends, pose) for pose in (self._pose, later))
         return -((then - now) / self._period + now)
-
-    def _note(self, name: str, time: float, score: float) -> None:
-        noted = self._scores.setdefault(name, [])
-        if math.isfinite(score) and (not noted or score > noted[-1][1]):
-            noted.append((time, score))
 
     def _move(self, asked: np.ndarray, motion: np.ndarray) -> np.ndarray:
         condition, period = self._setting.condition, self._period
@@ -291,11 +291,6 @@ class _Run:
         return motion
 
 
-def _jitter(condition: Condition) -> float:
-    """Return the standard deviation [frames] of which that share is later by a frame or more."""
-    return 0.5 / float(norm.ppf(1.0 - 0.5 * condition.jitter)) if condition.jitter else 0.0
-
-
 def _third_margin(ends: np.ndarray, pose: Pose) -> float:
     """Return the margin of the third best line: how far its nearer visible end is inside of the image border."""
     points, seen = view_of(ends, pose)
@@ -308,96 +303,9 @@ def _distance(pose: Pose, target: Pose) -> tuple[float, float]:
     return float(np.linalg.norm(pose.translation - target.translation)), math.acos(min(max(cosine, -1.0), 1.0))
 
 
-def _on_transversal(task: ServoTask) -> Pose:
-    """Return the start moved onto the line that all observed lines meet, where it is nearest."""
-    # All lines meet the axis: its Plücker vector is the null vector of the reciprocal product with them.
-    lines = task.map
-    null = np.linalg.svd(np.hstack([lines.moment, lines.direction]))[2][-1]
-    direction, moment = null[:3], null[3:]
-    size = np.linalg.norm(direction)
-    direction, point = direction / size, np.cross(direction, moment) / size**2
-    offset = task.start.translation - point
-    return Pose(task.start.rotation, point + direction * (direction @ offset))
-
-
-def _scene_parameters(setting: Setting) -> dict[str, object]:
-    lines, target = setting.task.map, setting.task.target
-    return {
-        "lines_points": tuple(lines.pivot.ravel()),
-        "lines_directions": tuple(lines.direction.ravel()),
-        "target_position": tuple(target.translation),
-        "target_orientation": tuple(target.quaternion_xyzw),
-    }
-
-
-def _law_parameters(setting: Setting) -> dict[str, object]:
-    linear, angular = _LIMITS[setting.limited]
-    return {
-        "law": setting.law,
-        "gain": setting.task.gain,
-        "max_linear_speed": linear,
-        "max_angular_speed": angular,
-    }
-
-
-def _controller_parameters(setting: Setting) -> ControllerParameters:
-    return ControllerParameters(**_scene_parameters(setting), **_law_parameters(setting), min_target_condition=0.0)
-
-
-def _estimator_parameters(setting: Setting) -> PoseEstimatorParameters:
-    scene = _scene_parameters(setting)
-    return PoseEstimatorParameters(lines_points=scene["lines_points"], lines_directions=scene["lines_directions"])
-
-
-def _monitor_parameters(setting: Setting) -> MonitorParameters:
-    condition = setting.condition
-    linear, angular = ROBOT_LIMITS
-    return MonitorParameters(
-        **_scene_parameters(setting),
-        **_law_parameters(setting),
-        target_known=True,
-        frames_late=condition.latency,
-        jitter=_jitter(condition),
-        dropped_frames=condition.dropped,
-        robot_lag=condition.lag,
-        robot_linear_speed=linear,
-        robot_angular_speed=angular,
-        robot_clamps=condition.limited,
-        image_noise=condition.pixels / FOCAL_LENGTH,
-        half_view=(HALF_VIEW, HALF_VIEW),
-        nearest=_NEAREST,
-        shortest_image=_SHORTEST,
-        focal_error=condition.focal_length - 1.0,
-        map_noise=condition.map_shift,
-        pose_position_noise=condition.position,
-        pose_rotation_noise=condition.rotation,
-        line_ends=tuple(setting.task.map_ends.ravel()),
-    )
-
-
-def _true_risk(setting: Setting) -> float:
-    """Return the share of six roll-outs in the true conditions, from the true start, that come to harm."""
-    task, condition = setting.task, setting.condition
-    law = RolloutLaw.of_parameters(_controller_parameters(setting))
-    linear, angular = ROBOT_LIMITS if condition.limited else (math.inf, math.inf)
-    loop = LoopModel(
-        period=1.0 / setting.rate,
-        latency=condition.latency,
-        jitter=_jitter(condition),
-        lag=condition.lag,
-        robot_linear_speed=linear,
-        robot_angular_speed=angular,
-        image_noise=condition.pixels / FOCAL_LENGTH,
-        position_noise=condition.position,
-        rotation_noise=condition.rotation,
-        map_noise=condition.map_shift,
-        focal_error=condition.focal_length - 1.0,
-        dropped_frames=condition.dropped,
-        half_view=(HALF_VIEW, HALF_VIEW),
-        near=_NEAREST,
-        min_length=_SHORTEST,
-        horizon=law.deadline,
-    )
-    rollout = RolloutTask(task.map, task.target, law, loop, task.map_ends)
-    state = RunState(law.deadline, _distance(task.start, task.target)[0])
-    return rollout.roll_out([task.start] * _TRUE_ROLLOUTS, state, setting.seed).risk
+def _rounded(value: object) -> object:
+    if isinstance(value, float):
+        return float(f"{value:.4g}")
+    if isinstance(value, dict):
+        return {name: _rounded(each) for name, each in value.items()}
+    return [_rounded(each) for each in value] if isinstance(value, list | tuple) else value
