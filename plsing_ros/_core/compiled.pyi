@@ -696,6 +696,8 @@ def roll_out(
     ends: Array,
     target: object,
     covariances: Array,
+    residuals: Array | None,
+    believed: object,
     loci: Array | None,
     law: object,
     loop: object,
@@ -733,5 +735,9 @@ def law_twist(
     law: object,
     loop: object,
     camera: object,
+    image: Array,
 ) -> Array:
-    """Return the twist (6,) that a roll-out commands for what a camera, a Pose, sees without noise."""
+    """Return the twist (6,) that a roll-out commands for image lines (n, 3), zeros where a line is not detected.
+
+    With no rows: for what a camera, a Pose, sees without noise.
+    """

@@ -6,7 +6,7 @@ namespace plsing {
 namespace {
 
 constexpr double kArrivedDistance = 0.05, kArrivedAngle = 2.0 * M_PI / 180.0, kArrivedTime = 1.0;
-constexpr double kAwayFactor = 1.5, kAwayMargin = 0.05, kDemandFactor = 1.5;
+constexpr double kAwayFactor = 1.5, kAwayMargin = 0.05, kDemandFactor = 1.5, kRounding = 1e-9;
 constexpr int kFewestLines = 3;
 
 Matrix3d rotation_of(const Vector3d &vector)
@@ -50,39 +50,48 @@ bool visible_part(const Vector3d &a, const Vector3d &b, const Loop &loop, Eigen:
 
 class Sample {
 public:
-    Sample(const Scene &scene, const LawOptions &law, const Loop &loop, const Pose &camera,
+    Sample(const Scene &scene, const LawOptions &law, const Loop &loop, const Pose &camera, const Pose &believed,
            const Vector6d &motion, const Vector6d &command, std::uint64_t seed)
-        : scene_(scene), loop_(loop), controller_(scene, law, loop), random_(seed), camera_(camera),
-          motion_(motion), true_lines_(scene.lines), commands_(loop.latency + kMostJitter + 2, command)
+        : scene_(scene), law_(law), loop_(loop), controller_(scene, law, loop), random_(seed), camera_(camera),
+          motion_(motion), commands_(loop.latency + kMostJitter + 2, command)
     {
-        disturb_map();
-        focal_ = 1.0 + loop.focal_error * (loop.focal_error > 0.0 ? random_.normal() : 0.0);
+        focal_ = draw_focal_length(loop, random_);
+        true_lines_ = loop.map_noise > 0.0 || loop.focal_error > 0.0
+                          ? draw_map(scene, loop, believed, camera, focal_, random_)
+                          : scene.lines;
         first_linear_ = loop.first_linear;
         first_angular_ = loop.first_angular;
-        controller_.start_path(believed());
+        controller_.start_path(this->believed());
     }
 
     Outcome run()
     {
         const auto steps = static_cast<std::int64_t>(std::ceil(loop_.horizon / loop_.period));
         const double away = std::max(kAwayFactor * loop_.start_distance, loop_.start_distance + kAwayMargin);
-        double arrived_since = -1.0;
+        // It may have been there for a while.
+        bool was_there = loop_.arrived_for > 0.0;
+        double arrived_since = -loop_.arrived_for;
         measure_distance();
         for (step_ = 0; step_ < steps; step_++) {
             const double time = step_ * loop_.period;
             if (out_.distance > away) return harm(kAway, time);
             if (!see()) return harm(kFewLines, time);
-            if (is_there()) {
-                if (arrived_since < 0.0) arrived_since = time;
+            if (2 * step_ >= steps) {
+                square_ += out_.distance * out_.distance;
+                counted_++;
+            }
+            if (loop_.stops && is_there()) {
+                if (!was_there) arrived_since = time;
+                was_there = true;
                 if (time - arrived_since >= kArrivedTime) return finish();
             } else {
-                arrived_since = -1.0;
+                was_there = false;
             }
             if (time >= loop_.deadline - loop_.elapsed) return harm(kLate, time);
             if (step_ % kRememberEvery == 0) remember(time);
             act(time);
         }
-        return is_late(steps * loop_.period) ? harm(kLate, loop_.deadline - loop_.elapsed) : finish();
+        return loop_.stops && is_late(steps * loop_.period) ? harm(kLate, loop_.deadline - loop_.elapsed) : finish();
     }
 
 private:
@@ -94,6 +103,9 @@ private:
     Outcome finish()
     {
         out_.steps = step_;
+        out_.first_linear = first_linear_;
+        out_.first_angular = first_angular_;
+        out_.mean_square = counted_ > 0 ? square_ / counted_ : 0.0;
         return out_;
     }
 
@@ -121,21 +133,21 @@ private:
         return now * std::exp(-left / span * std::log(before[1] / now)) > 1.0;
     }
 
-    void disturb_map()
-    {
-        if (loop_.map_noise == 0.0 && loop_.map_turn == 0.0) return;
-        for (SceneLine &line : true_lines_) {
-            const Vector3d shift = loop_.map_noise * random_.normal_vector();
-            const Matrix3d turn = rotation_of(loop_.map_turn * random_.normal_vector());
-            const Vector3d middle = 0.5 * (line.ends[0] + line.ends[1]);
-            for (Vector3d &end : line.ends) end = middle + turn * (end - middle) + shift;
-            line.direction = turn * line.direction;
-            line.moment = line.ends[0].cross(line.direction);
-        }
-    }
-
     void measure_distance()
     {
+        if (law_.columns < 6) {
+            // Along motions that nobody asked for the camera is neither near nor far.
+            Vector3d shift = camera_.rotation.transpose() * (camera_.translation - scene_.target.translation);
+            const Eigen::AngleAxisd difference(scene_.target.rotation.transpose() * camera_.rotation);
+            Vector3d turn = difference.angle() * difference.axis();
+            for (int j = 0; j < 3; j++) {
+                if (!law_.used[j]) shift[j] = 0.0;
+                if (!law_.used[j + 3]) turn[j] = 0.0;
+            }
+            out_.distance = shift.norm();
+            out_.angle = turn.norm();
+            return;
+        }
         out_.distance = (camera_.translation - scene_.target.translation).norm();
         const double trace = (camera_.rotation.transpose() * scene_.target.rotation).trace();
         out_.angle = std::acos(std::min(std::max(0.5 * (trace - 1.0), -1.0), 1.0));
@@ -230,14 +242,17 @@ private:
             first_linear_ = v;
             first_angular_ = w;
         }
+        // A command that a limit has scaled is that limit but for rounding, and no demand.
         const double demand = std::max(v / std::max(loop_.demand_linear, kDemandFactor * first_linear_),
-                                       w / std::max(loop_.demand_angular, kDemandFactor * first_angular_));
+                                       w / std::max(loop_.demand_angular, kDemandFactor * first_angular_)) *
+                              (1.0 - kRounding);
         if (demand > 1.0 && out_.demand_time < 0.0) out_.demand_time = time;
         out_.demand = std::max(out_.demand, demand);
         out_.speed = std::max({out_.speed, v / loop_.demand_linear, w / loop_.demand_angular});
     }
 
     const Scene &scene_;
+    const LawOptions &law_;
     const Loop &loop_;
     Controller controller_;
     Random random_;
@@ -246,17 +261,17 @@ private:
     std::vector<SceneLine> true_lines_;
     std::vector<Vector6d> commands_;
     std::vector<std::array<double, 2>> history_;
-    std::int64_t latest_ = 0, carried_out_ = 0, step_ = 0;
-    double focal_ = 1.0, first_linear_ = -1.0, first_angular_ = -1.0;
+    std::int64_t latest_ = 0, carried_out_ = 0, step_ = 0, counted_ = 0;
+    double square_ = 0.0, focal_ = 1.0, first_linear_ = -1.0, first_angular_ = -1.0;
     Outcome out_;
 };
 
 }  // namespace
 
-Outcome roll_out(const Scene &scene, const LawOptions &law, const Loop &loop, Pose camera, Vector6d motion,
-                 const Vector6d &command, std::uint64_t seed)
+Outcome roll_out(const Scene &scene, const LawOptions &law, const Loop &loop, const Pose &camera, const Pose &believed,
+                 const Vector6d &motion, const Vector6d &command, std::uint64_t seed)
 {
-    return Sample(scene, law, loop, camera, motion, command, seed).run();
+    return Sample(scene, law, loop, camera, believed, motion, command, seed).run();
 }
 
 }  // namespace plsing

@@ -20,6 +20,11 @@ struct SceneLine {
     bool in_target = false;
     // Lower Cholesky factor of the covariance of (phi, rho): pp, rp, rr.
     double noise[3] = {0.0, 0.0, 0.0};
+    // Mean of what was seen of its (phi, rho) minus what the map says, the covariance of that mean, and how much of it
+    // is the line's.
+    bool has_residual = false;
+    Eigen::Vector2d residual = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d residual_noise = Eigen::Matrix2d::Zero(), residual_gain = Eigen::Matrix2d::Zero();
 };
 
 struct Locus {
@@ -35,11 +40,12 @@ struct Scene {
 
 struct Loop {
     double period, jitter, lag, robot_linear, robot_angular;
-    double image_noise, position_noise, rotation_noise, map_noise, map_turn, focal_error;
+    double image_noise, position_noise, rotation_noise, map_noise, focal_error;
     double dropped_frames, dropped_lines, tan_x, tan_y, near, min_length;
     double horizon, deadline, elapsed, start_distance, first_linear, first_angular;
-    double demand_linear, demand_angular, path_linear, path_angular;
+    double demand_linear, demand_angular, path_linear, path_angular, arrived_for;
     int latency;
+    bool stops;  // Whether a run ends when it has arrived.
 };
 
 enum Kind : int { kArrived = 0, kAway = 1, kFewLines = 2, kLate = 3 };
@@ -47,6 +53,7 @@ enum Kind : int { kArrived = 0, kAway = 1, kFewLines = 2, kLate = 3 };
 struct Outcome {
     int kind = kArrived;
     double harm_time = 0.0, demand = 0.0, demand_time = -1.0, speed = 0.0, distance = 0.0, angle = 0.0;
+    double first_linear = -1.0, first_angular = -1.0, mean_square = 0.0;
     std::int64_t steps = 0;
 };
 
@@ -140,8 +147,19 @@ private:
     double path_time_ = 0.0, path_duration_ = 0.0, factor_ = 1.0;
 };
 
+// The focal length of a sample, over the one that is assumed.
+double draw_focal_length(const Loop &loop, Random &random);
+
+// Find how much of the residuals seen from a pose is due to the map and the focal length, and not to noise.
+void weigh_residuals(Scene &scene, const Loop &loop, const Pose &believed);
+
+// The lines as they may truly be, for a sample with the camera at a pose where another one is believed.
+std::vector<SceneLine> draw_map(const Scene &scene, const Loop &loop, const Pose &believed, const Pose &camera,
+                                double focal, Random &random);
+
 // Run one sample from a start. motion: the robot's twist now; command: the latest one, still on its way.
-Outcome roll_out(const Scene &scene, const LawOptions &law, const Loop &loop, Pose camera, Vector6d motion,
-                 const Vector6d &command, std::uint64_t seed);
+// believed: where the camera is believed to be.
+Outcome roll_out(const Scene &scene, const LawOptions &law, const Loop &loop, const Pose &camera, const Pose &believed,
+                 const Vector6d &motion, const Vector6d &command, std::uint64_t seed);
 
 }  // namespace plsing

@@ -79,7 +79,6 @@ Loop loop_from(const py::object &from)
     loop.position_noise = number(from, "position_noise");
     loop.rotation_noise = number(from, "rotation_noise");
     loop.map_noise = number(from, "map_noise");
-    loop.map_turn = number(from, "map_turn");
     loop.focal_error = number(from, "focal_error");
     loop.dropped_frames = number(from, "dropped_frames");
     loop.dropped_lines = number(from, "dropped_lines");
@@ -92,6 +91,7 @@ Loop loop_from(const py::object &from)
     loop.path_linear = number(from, "path_linear_speed");
     loop.path_angular = number(from, "path_angular_speed");
     loop.horizon = number(from, "horizon");
+    loop.stops = from.attr("stops").cast<bool>();
     if (!(loop.period > 0.0 && loop.horizon / loop.period <= 1e7 && loop.latency >= 0 && loop.latency <= 1000))
         throw std::invalid_argument("period, horizon or latency is out of range");
     return loop;
@@ -139,6 +139,21 @@ Scene scene_from(const Rows3 &direction, const Rows3 &moment, const Rows3 &ends,
     return scene;
 }
 
+// Rows of what was seen of each line: residual (phi, rho) and the covariance of that mean (pp, pr, rr), NaN where nothing was.
+void add_residuals(Scene &scene, const py::object &residuals)
+{
+    if (residuals.is_none()) return;
+    const auto rows = residuals.cast<Eigen::Matrix<double, Eigen::Dynamic, 5, Eigen::RowMajor>>();
+    if (static_cast<std::size_t>(rows.rows()) != scene.lines.size())
+        throw std::invalid_argument("residuals must be one row a line");
+    for (Eigen::Index i = 0; i < rows.rows(); i++) {
+        SceneLine &line = scene.lines[i];
+        line.has_residual = rows.row(i).allFinite();
+        line.residual = rows.row(i).head<2>().transpose();
+        line.residual_noise << rows(i, 2), rows(i, 3), rows(i, 3), rows(i, 4);
+    }
+}
+
 void add_loci(Scene &scene, const py::object &loci)
 {
     if (loci.is_none()) return;
@@ -150,7 +165,8 @@ void add_loci(Scene &scene, const py::object &loci)
 }
 
 py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &ends,
-                      const py::object &target, const Array &covariances, const py::object &loci,
+                      const py::object &target, const Array &covariances, const py::object &residuals,
+                      const py::object &believed, const py::object &loci,
                       const py::object &law_options, const py::object &loop_model, const py::object &state,
                       const Array &rotations, const Rows3 &translations, std::uint64_t seed)
 {
@@ -161,9 +177,11 @@ py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &
     loop.start_distance = number(state, "start_distance");
     loop.first_linear = number(state, "first_linear_speed");
     loop.first_angular = number(state, "first_angular_speed");
+    loop.arrived_for = number(state, "arrived_for");
     const auto motion = state.attr("motion").cast<Vector6d>(), command = state.attr("command").cast<Vector6d>();
     Scene scene = scene_from(direction, moment, ends, pose_from(target), covariances, law);
     add_loci(scene, loci);
+    add_residuals(scene, residuals);
     const Eigen::Index k = translations.rows();
     if (rotations.size() != 9 * k) throw std::invalid_argument("rotations must be (k, 3, 3) for k translations");
     std::vector<Pose> starts(k);
@@ -173,13 +191,16 @@ py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &
         starts[i].translation = translations.row(i);
     }
     std::vector<Outcome> outcomes(k);
+    const Pose here = believed.is_none() && k > 0 ? starts[0] : pose_from(believed);
     {
         py::gil_scoped_release without_interpreter;
+        weigh_residuals(scene, loop, here);
         for (Eigen::Index i = 0; i < k; i++)
-            outcomes[i] = roll_out(scene, law, loop, starts[i], motion, command, seed + 7919u * static_cast<std::uint64_t>(i));
+            outcomes[i] = roll_out(scene, law, loop, starts[i], here, motion, command, seed + 7919u * static_cast<std::uint64_t>(i));
     }
     Eigen::VectorXi kind(k);
     Eigen::VectorXd harm_time(k), demand(k), demand_time(k), speed(k), distance(k), angle(k);
+    Eigen::VectorXd first_linear(k), first_angular(k), mean_square(k);
     std::int64_t steps = 0;
     for (Eigen::Index i = 0; i < k; i++) {
         const Outcome &each = outcomes[i];
@@ -190,6 +211,9 @@ py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &
         speed[i] = each.speed;
         distance[i] = each.distance;
         angle[i] = each.angle;
+        first_linear[i] = each.first_linear;
+        first_angular[i] = each.first_angular;
+        mean_square[i] = each.mean_square;
         steps += each.steps;
     }
     py::dict result;
@@ -200,15 +224,21 @@ py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &
     result["speed"] = speed;
     result["distance"] = distance;
     result["angle"] = angle;
+    result["first_linear_speed"] = first_linear;
+    result["first_angular_speed"] = first_angular;
+    result["mean_square_distance"] = mean_square;
     result["steps"] = steps;
     return result;
 }
 
-// The twist of the law for what an undisturbed camera sees: for comparison with the controller.
+// The twist of the law for image lines, rows of zeros where a line is not detected, or for what an undisturbed camera
+// sees if there are none: for comparison with the controller.
 Vector6d twist_of_law(const Rows3 &direction, const Rows3 &moment, const Rows3 &ends, const py::object &target,
                      const py::object &loci, const py::object &law_options, const py::object &loop_model,
-                     const py::object &camera)
+                     const py::object &camera, const Rows3 &image)
 {
+    if (image.rows() != 0 && image.rows() != direction.rows())
+        throw std::invalid_argument("image lines must be none, or one row a line");
     const LawOptions law = law_from(law_options);
     const Loop loop = loop_from(loop_model);
     Scene scene = scene_from(direction, moment, ends, pose_from(target), Array(0), law);
@@ -220,6 +250,9 @@ Vector6d twist_of_law(const Rows3 &direction, const Rows3 &moment, const Rows3 &
         const Vector3d l = pose.rotation.transpose() * (line.moment - pose.translation.cross(line.direction));
         controller.detected()[i] = line.in_target && has_image(l, image_depth(l), min_depth);
         controller.image()[i] = l / image_depth(l);
+        if (image.rows() == 0) continue;
+        controller.image()[i] = image.row(i);
+        controller.detected()[i] = controller.detected()[i] && controller.image()[i].head<2>().norm() > 0.5;
     }
     return controller.command(pose);
 }
@@ -229,12 +262,13 @@ Vector6d twist_of_law(const Rows3 &direction, const Rows3 &moment, const Rows3 &
 void bind_rollout(py::module_ &module)
 {
     module.def("roll_out", &roll_out_all, py::arg("direction"), py::arg("moment"), py::arg("ends"), py::arg("target"),
-               py::arg("covariances"), py::arg("loci"), py::arg("law"), py::arg("loop"), py::arg("state"),
+               py::arg("covariances"), py::arg("residuals"), py::arg("believed"), py::arg("loci"), py::arg("law"), py::arg("loop"),
+               py::arg("state"),
                py::arg("rotations"), py::arg("translations"), py::arg("seed"),
                "Run the closed loop ahead from k starts; plsing_ros/monitoring/rollout.py says what is what.");
     module.def("law_twist", &twist_of_law, py::arg("direction"), py::arg("moment"), py::arg("ends"), py::arg("target"),
-               py::arg("loci"), py::arg("law"), py::arg("loop"), py::arg("camera"),
-               "The twist that a roll-out commands for what an undisturbed camera sees.");
+               py::arg("loci"), py::arg("law"), py::arg("loop"), py::arg("camera"), py::arg("image"),
+               "The twist that a roll-out commands for image lines, or for what an undisturbed camera sees.");
 }
 
 }  // namespace plsing

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.hysteresis import OK, Debounce, Hysteresis
 from plsing_ros.monitoring.indicators import Indicator
-from plsing_ros.singularities import LocusDistance, SingularSet
+from plsing_ros.singularities import LocusDistance
 
 
 class AlarmState:
@@ -44,9 +44,9 @@ class AlarmState:
         return levels
 
 
-def worst(levels: Sequence[Level], singular: SingularSet) -> Level:
-    """Return the worst of the levels of all indicators."""
-    return Level.UNOBSERVABLE if singular.singular_everywhere else max(levels)
+def worst(levels: Sequence[Level], singular_everywhere: str) -> Level:
+    """Return the worst of the levels of all indicators; UNOBSERVABLE where every camera is singular."""
+    return Level.UNOBSERVABLE if singular_everywhere else max(levels)
 
 
 def worst_names(indicators: Sequence[Indicator], levels: Sequence[Level], level: Level) -> str:
@@ -56,11 +56,11 @@ def worst_names(indicators: Sequence[Indicator], levels: Sequence[Level], level:
     return " ".join(each.name for each, own in zip(indicators, levels, strict=True) if own == level)
 
 
-def reasons(indicators: Sequence[Indicator], levels: Sequence[Level], singular: SingularSet, otherwise: str) -> str:
+def reasons(indicators: Sequence[Indicator], levels: Sequence[Level], singular_everywhere: str, otherwise: str) -> str:
     """Return why the worst level is in force; `otherwise` is what to say when all is well."""
-    level = worst(levels, singular)
+    level = worst(levels, singular_everywhere)
     if level is Level.UNOBSERVABLE:
-        return f"the scene is singular for every camera: {singular.description}"
+        return f"the scene is singular for every camera: {singular_everywhere}"
     if level is OK:
         return otherwise
     return "; ".join(each.reason(level) for each, own in zip(indicators, levels, strict=True) if own == level)

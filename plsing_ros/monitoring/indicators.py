@@ -27,9 +27,9 @@ _CONDITION, _RELATIVE = "inverse_condition_number", "relative_inverse_condition_
 _CRITICAL_CONDITION = "the critical inverse condition number"
 _SMALLEST, _GROWTH, _TIME = "smallest_singular_value", "speed_growth", "time"
 _Z, _DISTANCE, _PRECISION, _TURN = "z", "distance", "position_std", "rotation_std"
-_RISK, _DEMAND, _TIME_TO_HARM = "risk", "demand", "time_to_harm"
+_RISK, _DEMAND, _TIME_TO_HARM, _SHAKING = "risk", "demand", "time_to_harm", "shaking"
 # The worse the larger they are: their inverses are judged. With the unit that a threshold is said in.
-_RISING = {_GROWTH: "times", _PRECISION: "m", _TURN: "rad", _RISK: "", _DEMAND: "times"}
+_RISING = {_GROWTH: "times", _PRECISION: "m", _TURN: "rad", _RISK: "", _DEMAND: "times", _SHAKING: "m"}
 # Share of trust: POOR lines may be wrong near a singularity, of AMBIGUOUS ones every number may be of another pose.
 _TRUST = {LinesVerdict.POOR: 0.5, LinesVerdict.AMBIGUOUS: 0.0}
 _TRUST_THRESHOLDS = Thresholds(0.75, 0.25, 0.75, 0.25)
@@ -184,8 +184,14 @@ class Indicators:
             return [self._no_growth, self._time(approach.time, f"the closest approach to {approach.name}")]
         return [self._no_growth, self._no_time if time_to_critical is None else self._time(soon, _CRITICAL_CONDITION)]
 
-    def predicted(self, risk: Risk, stamp: int) -> list[Indicator]:
-        """Return what roll-outs say about the run, for features of a stamp [ns]."""
+    def predicted(self, risk: Risk, stamp: int, motion_at_target: Callable[[], str] = str) -> list[Indicator]:
+        """Return what roll-outs say about the run.
+
+        Args:
+            risk: What they say.
+            stamp: Of the features [ns].
+            motion_at_target: Returns the least observable direction there, in words.
+        """
         probability, demand, time = risk.probability, risk.demand, risk.time_to_harm
         if time is not None:
             time = max(time - (stamp - risk.stamp) / _SECOND, 0.0)
@@ -203,7 +209,17 @@ class Indicators:
                 lambda: f"time to harm, {_seconds(math.inf if time is None else time)}",
                 " s",
             ),
+            self._shaking(0.0 if risk.shaking is None else risk.shaking, motion_at_target),
         ]
+
+    def _shaking(self, shaking: float, motion_at_target: Callable[[], str]) -> Indicator:
+        def text() -> str:
+            return (
+                f"the target cannot be held: noise shakes the camera there, mostly by {motion_at_target()}; expected "
+                f"root mean square distance {shaking:.2g} m"
+            )
+
+        return Indicator(_SHAKING, _inverse(shaking), self._thresholds[_SHAKING], text)
 
     def _growth(self, times: float, after: float, with_noise: bool) -> Indicator:
         def text() -> str:
@@ -254,10 +270,13 @@ def _seconds(time: float) -> str:
     return f"{time:.2f} s" if math.isfinite(time) else "no longer expected,"
 
 
-def verdict_indicator(observation: LineObservation) -> Indicator:
-    """Return how far the 3-D lines can be trusted, as a number: no status is better than its lines."""
+def verdict_indicator(observation: LineObservation, is_rolled_out: bool = False) -> Indicator:
+    """Return how far the 3-D lines can be trusted, as a number: no status is better than its lines.
+
+    Lines that are POOR do not alert where a roll-out from poses within their covariance tells what comes of it.
+    """
     verdict, why = observation.verdict, observation.verdict_reason
-    if verdict not in _TRUST:
+    if verdict not in _TRUST or (is_rolled_out and verdict is LinesVerdict.POOR):
         return _TRUSTED
     return Indicator(
         "lines_verdict",

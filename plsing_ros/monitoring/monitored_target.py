@@ -10,7 +10,7 @@ from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.features.target import MINIMUM_LINES, Target
 
-_COLUMNS = (0, 1, 2, 3, 4, 5)
+_ALL_COLUMNS = (0, 1, 2, 3, 4, 5)
 
 
 class TargetConditions(NamedTuple):
@@ -31,8 +31,13 @@ NOT_KNOWN = TargetConditions(None, None)
 class MonitoredTarget(Target):
     """A target with 3-D lines, of which lines may be seen that are not in it."""
 
-    def __init__(self, observation: LineObservation, what: str) -> None:
-        """Take the target's observation, with 3-D lines; `what` names it in messages.
+    def __init__(self, observation: LineObservation, what: str, columns: tuple[int, ...] = _ALL_COLUMNS) -> None:
+        """Take the target's observation, with 3-D lines.
+
+        Args:
+            observation: What the camera sees there.
+            what: Names it in messages.
+            columns: Of L, whose condition counts.
 
         Raises:
             ObservationError: If it has fewer than three usable lines, or no 3-D lines.
@@ -43,6 +48,7 @@ class MonitoredTarget(Target):
                 "at the target is not known"
             )
         super().__init__(observation, what)
+        self._columns = columns
         self._latest_at: tuple[tuple[int, ...], TargetConditions] | None = None
 
     def at(self, ids: tuple[int, ...]) -> TargetConditions:
@@ -55,5 +61,5 @@ class MonitoredTarget(Target):
         known = tuple(i for i in ids if i in self)
         if len(known) < MINIMUM_LINES:
             return NOT_KNOWN
-        view = self.view(known, _COLUMNS)
+        view = self.view(known, self._columns)
         return TargetConditions(view.inverse_condition_number, view.image.reshape(-1, 3) if known == ids else None)

@@ -122,8 +122,7 @@ class LoopModel:
         image_noise: Standard deviation of a segment's ends across it, on z = 1 (pixels over focal length).
         position_noise: Standard deviation of the pose that 3-D lines are made with, each axis [m].
         rotation_noise: Likewise [rad].
-        map_noise: Standard deviation of the scene's lines, drawn once a sample [m].
-        map_turn: Likewise [rad].
+        map_noise: Standard deviation of each coordinate of the ends of the scene's lines, drawn once a sample [m].
         focal_error: Relative standard deviation of the focal length, drawn once a sample.
         dropped_frames: Share of frames without a detection.
         dropped_lines: Share of lines that are missed in a frame.
@@ -133,6 +132,7 @@ class LoopModel:
         path_linear_speed: Along a path, law = detour [m/s].
         path_angular_speed: Likewise [rad/s].
         horizon: How far ahead to go [s].
+        stops: Whether a run ends when it has arrived; else it goes on to the horizon, and is never late.
     """
 
     period: float = 1.0 / 30.0
@@ -147,7 +147,6 @@ class LoopModel:
     position_noise: float = 0.0
     rotation_noise: float = 0.0
     map_noise: float = 0.0
-    map_turn: float = 0.0
     focal_error: float = 0.0
     dropped_frames: float = 0.0
     dropped_lines: float = 0.0
@@ -157,6 +156,7 @@ class LoopModel:
     path_linear_speed: float = 0.1
     path_angular_speed: float = 0.2
     horizon: float = 60.0
+    stops: bool = True
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -179,6 +179,7 @@ class RunState:
         first_angular_speed: Likewise [rad/s].
         motion: The robot's twist now (v, omega), shape (6,) [m/s, rad/s].
         command: The latest commanded twist, not yet carried out, shape (6,).
+        arrived_for: How long the camera has been within 5 cm and 2 degrees of the target [s].
     """
 
     deadline: float
@@ -188,6 +189,7 @@ class RunState:
     first_angular_speed: float = -1.0
     motion: Array = field(default_factory=lambda: np.zeros(6))
     command: Array = field(default_factory=lambda: np.zeros(6))
+    arrived_for: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +204,9 @@ class Outcomes:
         speed: Largest commanded speed over demand_linear_speed or demand_angular_speed.
         distance: From the target at the end [m].
         angle: Likewise [rad].
+        first_linear_speed: Of the run's first command [m/s]; negative: none was made.
+        first_angular_speed: Likewise [rad/s].
+        mean_square_distance: From the target, over the second half of the horizon [m^2]; 0 if it ended before.
         steps: How many steps were made, all samples together.
     """
 
@@ -212,6 +217,9 @@ class Outcomes:
     speed: Array
     distance: Array
     angle: Array
+    first_linear_speed: Array
+    first_angular_speed: Array
+    mean_square_distance: Array
     steps: int
 
     @property
@@ -234,6 +242,10 @@ class RolloutTask:
             isolated point, shape (m, 6); None: not known, the condition alone counts.
         covariances: Of (phi, rho) of each image line as (phi phi, phi rho, rho rho), shape (n, 3); None: from
             image_noise and the ends.
+        residuals: What was seen of (phi, rho) of each image line minus what the map says at the poses that were
+            believed, as its mean and the covariance of the mean: (phi, rho, phi phi, phi rho, rho rho), NaN for a line
+            that was not seen, shape (n, 5); None: nothing is known. Samples' maps are drawn accordingly.
+        T_world_camera: Where the camera is believed to be, for residuals; None: at the first start.
     """
 
     lines: LineSet
@@ -243,6 +255,8 @@ class RolloutTask:
     ends: Array | None = None
     loci: Array | None = None
     covariances: Array | None = None
+    residuals: Array | None = None
+    T_world_camera: Pose | None = None
 
     def roll_out(self, starts: list[Pose], state: RunState, seed: int) -> Outcomes:
         """Run the closed loop once from each start, with noise of its own, without the interpreter's lock.
@@ -263,6 +277,8 @@ class RolloutTask:
                 *self._scene(),
                 self.T_world_target,
                 np.zeros(0) if self.covariances is None else np.asarray(self.covariances, dtype=float),
+                self.residuals,
+                self.T_world_camera,
                 self.loci,
                 self.law,
                 self.loop,
@@ -275,10 +291,16 @@ class RolloutTask:
             raise GeometryError(f"roll-out: {error}") from None
         return Outcomes(**found)
 
-    def twist(self, T_world_camera: Pose) -> Array:
-        """Return the twist (6,) that the law commands at a pose without noise."""
+    def twist(self, T_world_camera: Pose, image_lines: Array | None = None) -> Array:
+        """Return the twist (6,) that the law commands at a pose.
+
+        Args:
+            T_world_camera: Where the camera is.
+            image_lines: Of the scene's lines, shape (n, 3), zeros where a line is not seen; None: no noise.
+        """
+        image = np.zeros((0, 3)) if image_lines is None else image_lines
         twist: Array = _core.law_twist(
-            *self._scene(), self.T_world_target, self.loci, self.law, self.loop, T_world_camera
+            *self._scene(), self.T_world_target, self.loci, self.law, self.loop, T_world_camera, image
         )
         return twist
 

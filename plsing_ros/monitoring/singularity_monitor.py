@@ -8,12 +8,21 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError, PlsingError
-from plsing_ros.features import LineObservation, checked_observation, conditioning, decompose_interaction
+from plsing_ros.features import (
+    Conditioning,
+    LineObservation,
+    checked_observation,
+    conditioning,
+    decompose,
+    decompose_interaction,
+)
 from plsing_ros.features.consistency import ConsistencyCheck
+from plsing_ros.features.decomposition import Decomposition
 from plsing_ros.features.target import MINIMUM_LINES
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_alignment import pose_by_lines
@@ -24,16 +33,17 @@ from plsing_ros.monitoring.approach import Approach, ApproachTable, Trend
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.camera_position import CameraPosition
 from plsing_ros.monitoring.hysteresis import OK, Debounce
-from plsing_ros.monitoring.indicators import Indicators, condition_text, verdict_indicator
+from plsing_ros.monitoring.indicators import Indicator, Indicators, condition_text, verdict_indicator
+from plsing_ros.monitoring.law_risks import laws_text, risks_of_laws
 from plsing_ros.monitoring.monitored_target import NOT_KNOWN, MonitoredTarget
 from plsing_ros.monitoring.prediction import Prediction
-from plsing_ros.monitoring.risk import Risk, RiskPredictor, laws_text, risks_of_laws
+from plsing_ros.monitoring.risk import Risk, RiskPredictor
 from plsing_ros.monitoring.slope import Slope
 from plsing_ros.monitoring.unobservable_motion_text import unobservable_motion_text
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.parameters.options import parameters_from_options, pose_options
 from plsing_ros.pose.line_lifting import lift_lines_at
-from plsing_ros.singularities import DistanceArrays, SingularSet, singular_set
+from plsing_ros.singularities import DistanceArrays, Proximity, SingularSet, singular_set
 from plsing_ros.stamp_filter import StampFilter, stamp_from_seconds
 
 _SECOND = 1_000_000_000
@@ -86,6 +96,7 @@ class SingularityMonitor:
         self._missing = 0
         self._check = ConsistencyCheck(None)
         self._T_world_target: Pose | None = None
+        self._motion_at_target: str | None = None
         self._alarm_state = AlarmState(Debounce(parameters.raise_cycles, parameters.lower_cycles))
         self._parameters = parameters
         self._use_scene(singular_set(parameters.lines()))
@@ -149,7 +160,7 @@ class SingularityMonitor:
         Raises:
             ObservationError: If it has fewer than three usable lines, or no 3-D lines.
         """
-        target, pose = MonitoredTarget(observation, "desired features"), None
+        target, pose = MonitoredTarget(observation, "desired features", self._parameters.columns), None
         if target.lines is not None:
             try:
                 pose = pose_by_lines(self._singular_set.lines, target.lines)
@@ -159,6 +170,7 @@ class SingularityMonitor:
 
     def _set_target(self, target: MonitoredTarget | None, T_world_target: Pose | None) -> None:
         self._target, self._T_world_target = target, T_world_target
+        self._motion_at_target = None
         self._prediction.restart()
         self._risk.restart()
 
@@ -260,18 +272,19 @@ class SingularityMonitor:
         self._missing = 0
         factors = decompose_interaction(lines)
         numbers = conditioning(factors, parameters.characteristic_length)
+        ruling = self._ruling(numbers, factors)
         target_inverse, target_image = NOT_KNOWN if self._target is None else self._target.at(lines.ids)
         distances = None if pose is None else singular.distance_arrays(pose.translation)
         near_by = None if pose is None else singular.proximity(pose, ids=lines.ids)
-        measured = self._indicators.measured(
-            numbers, target_inverse, None if distances is None else distances.distance, near_by
-        )
-        slope = self._slope.add(numbers.inverse_condition_number, stamp)
-        time_to_critical = self._indicators.time_to_critical(numbers.inverse_condition_number, slope, target_inverse)
+        measured = self._measured(ruling, target_inverse, None if distances is None else distances.distance, near_by)
+        slope = self._slope.add(ruling.inverse_condition_number, stamp)
+        time_to_critical = self._indicators.time_to_critical(ruling.inverse_condition_number, slope, target_inverse)
         twist = self._prediction.recent_twist(stamp, parameters.twist_timeout)
         trend, approach = self._motion(distances, pose, twist)
         covariance = self._position.covariance if source == "camera_pose" else None
-        risk = self._risk.latest(stamp, pose, covariance, singular, self._T_world_target, parameters)
+        risk = self._risk.latest(stamp, pose, covariance, observation, singular, self._T_world_target, parameters)
+        if self._risk.other_law:
+            note += f"; the twists are not those of {self._risk.other_law}: the law in force is not known"
         growth = None
         if risk is None:
             growth = self._prediction.growth(
@@ -290,21 +303,26 @@ class SingularityMonitor:
             calm = "awaiting the law's roll-out" if growth is None else "passed calmly by the law's roll-out"
             foreseen = (None, None)
         expected = (
-            self._indicators.expected(growth, *foreseen) if risk is None else self._indicators.predicted(risk, stamp)
+            self._indicators.expected(growth, *foreseen)
+            if risk is None
+            else self._indicators.predicted(risk, stamp, self._describe_motion_at_target)
         )
-        indicators = [*measured, *expected, verdict_indicator(observation)]
+        is_rolled_out = risk is not None and covariance is not None and parameters.rollout_rules
+        indicators = [*measured, *expected, verdict_indicator(observation, is_rolled_out)]
         nearest = None if distances is None else self._approaches.nearest(distances)
         levels = self._alarm_state.levels(indicators, suppressed)
-        level = worst(levels, singular)
+        level = worst(levels, self._singular_everywhere)
 
         def explain() -> str:
-            reason = reasons(indicators, levels, singular, condition_text(numbers.inverse_condition_number))
+            reason = reasons(
+                indicators, levels, self._singular_everywhere, condition_text(ruling.inverse_condition_number)
+            )
             reason = with_position(reason, nearest, source, parameters.pose_tolerance)
             return (f"{reason}; near a singularity, {calm}" if calm and near and level is OK else reason) + note
 
         def describe_unobservable_motion() -> str:
             return (
-                unobservable_motion_text(numbers.least_observable_direction, pose, singular, nearest)
+                unobservable_motion_text(ruling.least_observable_direction, pose, singular, nearest)
                 if near or level is not OK
                 else ""
             )
@@ -327,9 +345,54 @@ class SingularityMonitor:
             pose=pose,
             proximity=near_by,
             risk=risk,
-            kind=worst_names(indicators, levels, level),
+            kind=worst_names(indicators, levels, level) + (" other law" if self._risk.other_law else ""),
         )
         return self._held
+
+    @property
+    def _singular_everywhere(self) -> str:
+        """Why every camera is singular, or "": also where the motion that is lost is one that nobody asked for."""
+        singular = self._singular_set
+        all_used = len(self._parameters.columns) == 6
+        return singular.description if singular.singular_everywhere and all_used else ""
+
+    def _ruling(self, numbers: Conditioning, factors: Decomposition) -> Conditioning:
+        """Return the conditioning that levels are judged by: that of the degrees of freedom in use."""
+        columns = self._parameters.columns
+        if len(columns) == 6:
+            return numbers
+        # The left singular vectors change nothing.
+        used = np.zeros(6)
+        used[list(columns)] = 1.0
+        part = decompose(factors.singular_values[:, np.newaxis] * factors.right * used)
+        values = part.singular_values.copy()
+        values[len(columns) :] = 0.0
+        inverse = float(values[len(columns) - 1] / values[0]) if values[0] > 0.0 else 0.0
+        return numbers._replace(
+            singular_values=values[: len(columns)],
+            inverse_condition_number=inverse,
+            last_right_vector=part.right[len(columns) - 1],
+        )
+
+    def _measured(
+        self, ruling: Conditioning, target_inverse: float | None, distance: Array | None, near: Proximity | None
+    ) -> list[Indicator]:
+        """Return what is known of the present; the loci are those of a camera that moves in all directions."""
+        if len(self._parameters.columns) < 6:
+            distance, near = None, None
+        return self._indicators.measured(ruling, target_inverse, distance, near)
+
+    def _describe_motion_at_target(self) -> str:
+        if self._motion_at_target is None:
+            target, pose = self._target, self._T_world_target
+            text = "the least observable motion"
+            if target is not None and target.lines is not None and pose is not None:
+                factors = decompose_interaction(target.lines)
+                weakest = self._ruling(conditioning(factors), factors).least_observable_direction
+                singular = self._singular_set
+                text = unobservable_motion_text(weakest, pose, singular, singular.nearest_locus(pose.translation))
+            self._motion_at_target = text
+        return self._motion_at_target
 
     def _without_unknown(self, observation: LineObservation) -> tuple[LineObservation, str]:
         """Return an observation without the lines that are not in the scene, and what to say about them."""
@@ -365,15 +428,17 @@ class SingularityMonitor:
         except ObservationError as error:
             why = str(error)
             return Assessment(Level.UNOBSERVABLE, lambda: why, 0)
-        numbers = conditioning(decompose_interaction(lines), self._parameters.characteristic_length)
+        factors = decompose_interaction(lines)
+        numbers = conditioning(factors, self._parameters.characteristic_length)
+        ruling = self._ruling(numbers, factors)
         target_inverse = None if self._target is None else self._target.at(lines.ids).inverse_condition_number
         distances = self._singular_set.distance_arrays(T_world_camera.translation)
         nearest = self._approaches.nearest(distances)
         near_by = self._singular_set.proximity(T_world_camera, ids=lines.ids)
-        indicators = self._indicators.measured(numbers, target_inverse, distances.distance, near_by)
+        indicators = self._measured(ruling, target_inverse, distances.distance, near_by)
         levels = [each.thresholds.entered(each.value) for each in indicators]
-        level = worst(levels, self._singular_set)
-        reason = reasons(indicators, levels, self._singular_set, condition_text(numbers.inverse_condition_number))
+        level = worst(levels, self._singular_everywhere)
+        reason = reasons(indicators, levels, self._singular_everywhere, condition_text(ruling.inverse_condition_number))
         reason = with_position(reason, nearest, "pose asked for", self._parameters.pose_tolerance)
         risks: dict[str, Risk] = {}
         if self._T_world_target is not None and self._parameters.controller == "law":
@@ -383,7 +448,7 @@ class SingularityMonitor:
             ""
             if level is OK
             else unobservable_motion_text(
-                numbers.least_observable_direction, T_world_camera, self._singular_set, nearest
+                ruling.least_observable_direction, T_world_camera, self._singular_set, nearest
             )
         )
         return Assessment(
@@ -468,11 +533,11 @@ def _target_pose(parameters: MonitorParameters) -> Pose | None:
 
 
 def _target(parameters: MonitorParameters) -> tuple[object, ...]:
-    return parameters.target_known, parameters.target_position, parameters.target_orientation
+    return parameters.target_known, parameters.target_position, parameters.target_orientation, parameters.columns
 
 
 def _monitored_target(parameters: MonitorParameters) -> MonitoredTarget | None:
     if not parameters.target_known:
         return None
     seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
-    return MonitoredTarget(LineObservation.of_lines(seen), "target pose")
+    return MonitoredTarget(LineObservation.of_lines(seen), "target pose", parameters.columns)

@@ -102,6 +102,14 @@ _MONITORED = {
         _GROWTH,
         rises=True,
     ),
+    "shaking": _Monitored(
+        "shaking",
+        0.05,
+        0.0,
+        "when noise is expected to shake the camera at the target by this, root mean square",
+        _DISTANCE,
+        rises=True,
+    ),
     "time_to_harm": _Monitored(
         "time_to_harm", 0.0, 0.0, "when harm is expected within this", {"unit": "s", "minimum": 0.0, "maximum": 1e3}
     ),

@@ -411,7 +411,7 @@ def test_a_change_shows_in_the_next_assessment(name):
 
 
 def test_no_live_parameter_is_left_out():
-    monitored = (*JUDGED, "risk", "demand", "time_to_harm")
+    monitored = (*JUDGED, "risk", "demand", "shaking", "time_to_harm")
     thresholds = {
         f"{level}.{name}{end}" for level in ("warn", "critical") for name in monitored for end in ("", "_exit")
     }

@@ -5,14 +5,15 @@ import dataclasses
 
 import numpy as np
 import pytest
-from near_transversal_scene import LOOK, ON_TRANSVERSAL, SCENE, SECOND, START_2, TARGET
+from near_transversal_scene import LOOK, SCENE, SECOND, START_2, TARGET
 from scipy.spatial.transform import Rotation
 
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
-from plsing_ros.monitoring.risk import RiskPredictor, RunClock, poses_around, rollout_task
+from plsing_ros.monitoring.risk import RiskPredictor
 from plsing_ros.monitoring.rollout import Harm
+from plsing_ros.monitoring.rollout_setup import poses_around, rollout_task
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.parameters.law import LawParameters
@@ -61,14 +62,14 @@ def test_the_papers_start_2_is_announced_at_the_first_features_and_start_1_is_no
     bad, good = Watched(**unlimited).see(START_2), Watched(**unlimited).see(CALM)
     assert bad.level in (Level.WARN, Level.CRITICAL)
     assert bad.risk.demand > 1.0 and "speed expected" in bad.reason
-    assert good.level is Level.OK and good.risk.probability == 0.0 and good.risk.time_to_harm is None
+    assert good.level is Level.OK and good.risk.probability < 0.05 and good.risk.time_to_harm is None
 
 
 def test_harm_is_told_with_its_kind_and_time_which_runs_down():
     # A field of view so narrow that lines are lost soon after the start.
     watched = Watched(camera__half_view=[0.02, 0.02], prediction__period=60.0)
     first = watched.see(CALM)
-    assert first.risk.probability == 1.0 and first.risk.harm is Harm.FEW_LINES
+    assert first.risk.probability > 0.95 and first.risk.harm is Harm.FEW_LINES
     assert first.level is Level.CRITICAL and "fewer than three lines stay in view" in first.reason
     late = Watched(max_linear_speed=0.001, prediction__period=60.0)
     found = late.see(START_2)
@@ -81,27 +82,14 @@ def test_a_soft_start_is_no_demand():
     # Told to move slowly at first: what counts is the law's first speed, not the ramp's.
     watched = Watched(gain=0.5, robot__clamps=False)
     start = Pose(LOOK, TARGET.translation + [0.5, -0.5, 0.5])
+    law = RiskPredictor().law(watched.monitor.parameters)
+    twist = rollout_task(SINGULAR, TARGET, law, watched.monitor.parameters, 0.1).twist(start)
     levels = set()
     for frame in range(30):
-        levels.add(watched.see(start).level)
-        watched.monitor.receive_twist([0.0, 0.0, 0.01 * frame, 0.0, 0.0, 0.0], watched.now)
-    assert levels == {Level.OK}
-
-
-def test_a_run_begins_anew_at_rest_and_at_the_target_but_not_while_it_moves():
-    clock = RunClock()
-    far = Pose(LOOK, TARGET.translation + [1.0, 0.0, 0.0])
-    near = Pose(LOOK, TARGET.translation + [0.5, 0.0, 0.0])
-    assert clock.update(SECOND, far, TARGET) == 0.0
-    for second in range(2, 7):
-        clock.note_motion(second * SECOND)
-        assert clock.update(second * SECOND, near, TARGET) == second - 1.0
-        assert clock.start_distance == pytest.approx(1.0)
-    # Rest for more than a second.
-    assert clock.update(8 * SECOND, near, TARGET) == 0.0
-    assert clock.start_distance == pytest.approx(0.5)
-    clock.note_motion(9 * SECOND)
-    assert clock.update(9 * SECOND, TARGET, TARGET) == 0.0
+        found = watched.see(start)
+        levels.add(found.level)
+        watched.monitor.receive_twist(frame / 30.0 * twist, watched.now)
+    assert levels == {Level.OK} and found.risk is not None
 
 
 def test_samples_of_the_pose_have_its_covariance_in_the_worlds_axes():
@@ -175,14 +163,3 @@ def test_features_that_are_refused_keep_one_state_and_one_kind():
         said |= {(each.level, each.kind) for each in (found, silent)}
         assert "no features" not in silent.reason
     assert len(said) == 1 and {level for level, _ in said} == {Level.UNOBSERVABLE}
-
-
-def test_contradictions_are_named_and_count_as_unobservable():
-    watched = Watched()
-    pose = Pose(LOOK, ON_TRANSVERSAL + [0.3, 0.2, 0.1])
-    watched.see(pose)
-    lines = SCENE.transformed(pose.inverse(), "camera")
-    watched.now += STEP
-    watched.monitor.receive_pose(Pose(pose.rotation, pose.translation + [5.0, 0.0, 0.0]), watched.now)
-    found = watched.monitor.answer(LineObservation.of_lines(lines), watched.now, watched.now)
-    assert found.level is Level.UNOBSERVABLE and "5 m" in found.reason

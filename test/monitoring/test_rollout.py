@@ -248,3 +248,50 @@ def test_numbers_that_make_no_task_are_refused():
         task.roll_out([TARGET], RunState(1.0, 1.0), 0)
     with pytest.raises(GeometryError, match="lag"):
         LoopModel(lag=-1.0)
+
+
+def test_maps_are_drawn_to_where_the_lines_were_seen():
+    # The true focal length is 3 % longer: without residuals a roll-out expects to arrive, with them where it will be.
+    ends = np.stack([LINES.point - 0.3 * LINES.direction, LINES.point + 0.5 * LINES.direction], axis=1)
+    law = RolloutLaw("pinv", gain=1.0)
+    loop = LoopModel(period=0.05, map_noise=0.003, focal_error=0.03, horizon=8.0, stops=False)
+    start, factor = offset_pose([0.05, -0.1, 0.1], [0.2, -0.1, -0.2]), 1.03
+    servo = ServoController.from_parameters(controller_parameters("pinv", gain=1.0, max_linear_speed=0.0))
+    camera = start
+    for step in range(160):
+        seen = LINES.transformed(camera.inverse(), "camera")
+        image = seen.moment / np.hypot(seen.moment[:, 0], seen.moment[:, 1])[:, np.newaxis] * [1.0, 1.0, factor]
+        stamp = 10**9 + step * 10**7
+        camera = camera.integrate(servo.answer(LineObservation(LINES.ids, image, None, seen), stamp, stamp).twist, 0.05)
+    true = np.linalg.norm(camera.translation - TARGET.translation)
+    seen = LINES.transformed(start.inverse(), "camera")
+    offset = seen.moment[:, 2] / np.hypot(seen.moment[:, 0], seen.moment[:, 1])
+    rows = np.column_stack([np.zeros(5), (factor - 1.0) * offset, np.full(5, 1e-8), np.zeros(5), np.full(5, 1e-8)])
+
+    def distances(residuals):
+        task = task_of(controller_parameters("pinv", gain=1.0, max_linear_speed=0.0), loop, ends=ends)
+        task = dataclasses.replace(task, law=law, residuals=residuals, T_world_camera=start)
+        return task.roll_out([start] * 200, RunState(1e4, 10.0), 3).distance
+
+    blind, told = distances(None), distances(rows)
+    assert np.median(np.abs(told - true)) < 0.35 * np.median(np.abs(blind - true))
+    assert np.median(told) == pytest.approx(true, rel=0.3)
+    # What is not known of any line changes nothing.
+    np.testing.assert_array_equal(distances(np.full((5, 5), np.nan)), blind)
+
+
+def test_a_camera_that_has_been_there_for_a_while_arrives_sooner():
+    law, loop = RolloutLaw("position", gain=1.0), LoopModel(period=0.1, horizon=5.0)
+    task = RolloutTask(LINES, TARGET, law, loop)
+    steps = [task.roll_out([TARGET], RunState(9.0, 1.0, arrived_for=since), 0).steps for since in (0.0, 0.55)]
+    assert steps == [10, 5]
+
+
+def test_a_limit_that_scales_commands_is_no_demand():
+    law = RolloutLaw("position", gain=1.0, max_linear_speed=0.25)
+    task = RolloutTask(LINES, TARGET, law, LoopModel(period=0.02, horizon=9.0, image_noise=1e-3))
+    for seed in range(5):
+        start = offset_pose([0.1 * seed, 0.0, 0.0], [0.8, 0.1 * seed, 0.0])
+        found = task.roll_out([start], RunState(14.0, 0.8, 0.0, 0.01, 0.01), seed)
+        assert found.demand[0] <= 1.0 and found.demand_time[0] == -1.0
+        assert task.roll_out([start], RunState(14.0, 0.8), seed).first_linear_speed[0] == pytest.approx(0.25)

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each law would do from a pose to a target: asked before anything moves."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from plsing_ros.geometry import Pose
+from plsing_ros.monitoring.risk import Risk
+from plsing_ros.monitoring.rollout import RolloutLaw, RunState
+from plsing_ros.monitoring.rollout_setup import FRAME_PERIOD, MAX_STEPS, rollout_task
+from plsing_ros.monitoring.run_clock import distance_between
+from plsing_ros.monitoring.shaking import expected_shaking
+from plsing_ros.parameters import MonitorParameters
+from plsing_ros.singularities import SingularSet
+
+LAWS = ("pinv", "dls", "adaptive_dls", "guarded", "detour", "position")
+# Shaking by less than this at the target is not worth a word [m].
+_SHAKES = 0.01
+
+
+def risks_of_laws(pose: Pose, singular: SingularSet, target: Pose, parameters: MonitorParameters) -> dict[str, Risk]:
+    """Return what each law would do from a pose to the target, with the gain and the options of the parameters.
+
+    Raises:
+        GeometryError: If the numbers do not make a task.
+    """
+    found = {}
+    distance = distance_between(pose, target, parameters.degrees_of_freedom)[0]
+    for name in LAWS:
+        law = RolloutLaw.of_parameters(dataclasses.replace(parameters, law=name))
+        task = rollout_task(singular, target, law, parameters, FRAME_PERIOD)
+        starts = [pose] * parameters.samples
+        outcomes = task.roll_out(starts, RunState(law.deadline, distance), 0)
+        shaking = expected_shaking(task, parameters.samples, 0, MAX_STEPS)
+        found[name] = Risk(0, outcomes, law, pose, outcomes.risk, shaking)
+    return found
+
+
+def laws_text(risks: dict[str, Risk]) -> str:
+    """Return what each law would do, in words."""
+    parts = []
+    for name, risk in risks.items():
+        harm = f"{risk.probability:.0%}" + (f" ({risk.harm_text})" if risk.probability else "")
+        shaking = risk.shaking or 0.0
+        shakes = f", shakes by {shaking:.2g} m there" if shaking > _SHAKES else ""
+        parts.append(f"{name}: harm {harm}, demand {risk.demand:.2g}{shakes}")
+    return "; ".join(parts)

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The loop to be rolled out, made from the monitor's parameters and from what the camera sees."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from plsing_ros.arrays import Array
+from plsing_ros.features import LineObservation
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.monitoring.rollout import LoopModel, RolloutLaw, RolloutTask, guard_loci
+from plsing_ros.parameters import MonitorParameters
+from plsing_ros.singularities import SingularSet
+
+# Steps of one answer, all samples together; with more, the roll-out has longer steps.
+MAX_STEPS = 30_000
+# Between two frames as long as it is not known [s].
+FRAME_PERIOD = 1.0 / 30.0
+
+
+def rollout_task(
+    singular: SingularSet,
+    target: Pose,
+    law: RolloutLaw,
+    parameters: MonitorParameters,
+    period: float,
+    seen: LineObservation | None = None,
+) -> RolloutTask:
+    """Return the loop of a monitor's parameters with frames of a period [s].
+
+    Where the parameters tell no image noise, the covariances of the lines that are seen stand for it.
+    """
+    lines: LineSet = singular.lines
+    horizon = law.horizon
+    # Never more steps than an answer may cost; latency stays what it is in seconds.
+    step = max(period, horizon * parameters.samples / MAX_STEPS)
+    linear, angular = parameters.robot_linear_speed or math.inf, parameters.robot_angular_speed or math.inf
+    loop = LoopModel(
+        period=step,
+        # What the law looks ahead by itself does not delay it.
+        latency=max(round((parameters.frames_late * period - parameters.latency) / step), 0),
+        jitter=parameters.jitter * period / step,
+        lag=parameters.robot_lag,
+        robot_linear_speed=linear if parameters.robot_clamps else math.inf,
+        robot_angular_speed=angular if parameters.robot_clamps else math.inf,
+        demand_linear_speed=linear,
+        demand_angular_speed=angular,
+        image_noise=parameters.image_noise,
+        position_noise=parameters.pose_position_noise,
+        rotation_noise=parameters.pose_rotation_noise,
+        map_noise=parameters.map_noise,
+        focal_error=parameters.focal_error,
+        dropped_frames=parameters.dropped_frames,
+        half_view=(parameters.half_view[0], parameters.half_view[1]),
+        near=parameters.nearest,
+        min_length=parameters.shortest_image,
+        path_linear_speed=parameters.detour_linear_speed,
+        path_angular_speed=parameters.detour_angular_speed,
+        horizon=horizon,
+    )
+    ends = np.reshape(parameters.line_ends, (-1, 2, 3)) if parameters.line_ends else None
+    covariances = None if parameters.image_noise > 0.0 else scene_covariances(lines, seen)
+    return RolloutTask(lines, target, law, loop, ends, guard_loci(singular), covariances)
+
+
+def scene_covariances(lines: LineSet, seen: LineObservation | None) -> Array | None:
+    """Return the covariance of each line's image as seen, shape (n, 3), or None if none is known.
+
+    A line that is not seen now is as uncertain as the others are in the median.
+    """
+    if seen is None or seen.usable_covariances is None or not len(seen.usable_ids):
+        return None
+    known = dict(zip(seen.usable_ids, seen.usable_covariances, strict=True))
+    phi, mixed, rho = np.median(seen.usable_covariances, axis=0)
+    # Medians of variances and covariance need not fit together.
+    most = 0.99 * math.sqrt(phi * rho)
+    other = np.array([phi, min(max(mixed, -most), most), rho])
+    return np.array([known.get(i, other) for i in lines.ids])
+
+
+def poses_around(pose: Pose, covariance: Array | None, count: int, seed: int) -> list[Pose]:
+    """Return samples of where a camera may be.
+
+    Args:
+        pose: T_world_camera.
+        covariance: In the world's axes, (position [m], rotation [rad]), shape (6, 6); None: exact.
+        count: How many.
+        seed: Of the samples.
+    """
+    if covariance is None or not np.any(covariance):
+        return [pose] * count
+    drawn = np.random.default_rng(seed).multivariate_normal(np.zeros(6), covariance, size=count, method="eigh")
+    turns = Rotation.from_rotvec(drawn[:, 3:]).as_matrix()
+    return [
+        Pose(turn @ pose.rotation, pose.translation + shift) for turn, shift in zip(turns, drawn[:, :3], strict=True)
+    ]

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Since when a run goes on, how far from the target it began, and how long the camera has been there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from plsing_ros.geometry import Pose
+
+_SECOND = 1_000_000_000
+# Within these of the target for this long a run is over, and the next one begins [m], [rad], [s].
+_ARRIVED, _ARRIVED_ANGLE, _ARRIVED_TIME = 0.05, math.radians(2.0), 1.0
+# A camera that was not told to move for this long rests: what comes next is another run [ns].
+_REST = _SECOND
+
+
+class RunClock:
+    """The present run: it begins anew when the camera rests, and when it has arrived.
+
+    Attributes:
+        start: Stamp of its first features [ns], or None.
+        start_distance: From the target then [m].
+        first_speeds: (|v|, |omega|) of the law's first command; negative as long as they are not known.
+        run: Number of the run; a camera that rests stays in one.
+        arrived_for: How long the camera has been within 5 cm and 2 degrees of the target [s].
+    """
+
+    def __init__(self) -> None:
+        self.run = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin with another task."""
+        self.start: int | None = None
+        self.start_distance = 0.0
+        self.first_speeds = (-1.0, -1.0)
+        self.arrived_for = 0.0
+        self.run += 1
+        self._rested = False
+        self._arrived_since: int | None = None
+        self._moved: int | None = None
+
+    def note_motion(self, stamp: int) -> None:
+        """Take note that the camera was told to move for the features of a stamp [ns]."""
+        self._moved = stamp
+
+    def update(self, stamp: int, here: Pose, target: Pose, used: Sequence[int] = (1, 1, 1, 1, 1, 1)) -> float:
+        """Return the time since the run's start [s].
+
+        Args:
+            stamp: Of the features [ns].
+            here: T_world_camera now.
+            target: T_world_camera at the target.
+            used: Degrees of freedom that the law controls; along the others the camera is neither near nor far.
+        """
+        distance, angle = distance_between(here, target, used)
+        rests = self._moved is None or stamp - self._moved > _REST
+        if not (distance <= _ARRIVED and angle <= _ARRIVED_ANGLE):
+            self._arrived_since = None
+        elif self._arrived_since is None:
+            self._arrived_since = stamp
+        self.arrived_for = 0.0 if self._arrived_since is None else (stamp - self._arrived_since) / _SECOND
+        if self.start is None or rests or self.arrived_for >= _ARRIVED_TIME or stamp < self.start:
+            self.start, self.start_distance, self.first_speeds = stamp, distance, (-1.0, -1.0)
+            self.arrived_for, self._arrived_since = 0.0, None
+            if not (rests and self._rested):
+                self.run += 1
+        self._rested = rests
+        return (stamp - self.start) / _SECOND
+
+
+def distance_between(here: Pose, target: Pose, used: Sequence[int]) -> tuple[float, float]:
+    """Return distance [m] and angle [rad] between two cameras, along the degrees of freedom in use (of the camera)."""
+    if all(used):
+        cosine = 0.5 * (float(np.vdot(here.rotation, target.rotation)) - 1.0)
+        return float(np.linalg.norm(here.translation - target.translation)), math.acos(min(max(cosine, -1.0), 1.0))
+    mask = np.array(used, dtype=float)
+    shift = here.rotation.T @ (here.translation - target.translation) * mask[:3]
+    turn = Rotation.from_matrix(target.rotation.T @ here.rotation).as_rotvec() * mask[3:]
+    return float(np.linalg.norm(shift)), float(np.linalg.norm(turn))
