@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import importlib.util
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -23,9 +24,20 @@ def header_folders() -> list[str]:
     return folders
 
 
+def included_by(source: Path) -> set[Path]:
+    """Return a source or header of the core, and all headers of the core that it includes."""
+    found, open_ones = {source}, [source]
+    while open_ones:
+        names = re.findall(r'^#include "(.+)"', open_ones.pop().read_text(), re.MULTILINE)
+        new = {CORE / name for name in names if (CORE / name).exists()} - found
+        found |= new
+        open_ones += new
+    return found
+
+
 def is_outdated(built: str, source: str) -> bool:
-    """Return whether an object file is older than its source or than a header."""
-    newest = max(file.stat().st_mtime for file in (Path(source), *CORE.glob("*.hpp")))
+    """Return whether an object file is older than its source or than a header that it includes."""
+    newest = max(file.stat().st_mtime for file in included_by(Path(source)))
     return not Path(built).exists() or Path(built).stat().st_mtime < newest
 
 
