@@ -122,6 +122,7 @@ setup(
             "arm_simulator = plsing_ros.nodes.arm_simulator:main",
             "container = plsing_ros.nodes.container:main",
             "demo = plsing_ros.cli.demo:main",
+            "evaluate = plsing_ros.cli.evaluate:main",
             "analyze = plsing_ros.cli.analyze:main",
             "replay = plsing_ros.cli.replay:main",
             "select_lines = plsing_ros.cli.select_lines:main",

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import io
 from itertools import pairwise
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from plsing_ros.analysis.replay import ReplayedRun
+from plsing_ros.figures.report_page import image_element, table_element, write_page
 from plsing_ros.levels import Level
 
 _COLORS = {Level.OK: "tab:green", Level.WARN: "tab:orange", Level.CRITICAL: "tab:red"}
@@ -54,21 +54,17 @@ def save_replay_report(run: ReplayedRun, title: str, folder: Path) -> list[Path]
     picture = draw_replay(run)
     files = [folder / "replay.png", folder / "report.html"]
     files[0].write_bytes(picture)
-    rows = "".join(
-        f"<tr><td>{which}</td><td>{alert.time:.2f} s</td><td>{alert.level.name}</td>"
-        f"<td>{html.escape(alert.text)}</td></tr>"
+    rows = [
+        (which, f"{alert.time:.2f} s", alert.level.name, alert.text)
         for which, alerts in (("now", run.alerts), ("recorded", run.recorded_alerts))
         for alert in alerts
-    )
-    files[1].write_text(
-        f"<!doctype html><html lang=en><meta charset=utf-8><title>{html.escape(title)}</title>"
-        "<style>body{font-family:sans-serif;max-width:70em;margin:2em auto}td,th{padding:.2em .6em;text-align:left;"
-        "vertical-align:top}img{max-width:100%}</style>"
-        f"<h1>{html.escape(title)}</h1><p>Dotted lines are the recorded changes of level.</p>"
-        f"<img alt='levels, conditioning, distance and speed over time' "
-        f"src='data:image/png;base64,{base64.b64encode(picture).decode()}'>"
-        f"<h2>Changes of level</h2><table><tr><th></th><th>time</th><th>level</th><th>why</th></tr>{rows}</table>"
-        f"<h2>Summary</h2><pre>{html.escape(str(run))}</pre></html>\n",
-        encoding="utf-8",
-    )
+    ]
+    page = [
+        "<p>Dotted lines are the recorded changes of level.</p>",
+        image_element(picture, "levels, conditioning, distance and speed over time"),
+        "<h2>Changes of level</h2>",
+        table_element(("", "time", "level", "why"), rows),
+        f"<h2>Summary</h2><pre>{html.escape(str(run))}</pre>",
+    ]
+    write_page(files[1], title, page)
     return files
