@@ -17,16 +17,17 @@ from plsing_ros.errors import PlsingError
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.rotations import rotation_vector
 from plsing_ros.levels import Level
-from plsing_ros.monitoring.risk import is_arrived
 from plsing_ros.monitoring.rollout import Harm, RolloutLaw
+from plsing_ros.monitoring.run_clock import distance_between
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.pose import Verdict
 from plsing_ros.pose.pose_tracker import PoseTracker
 from plsing_ros.simulation.simulated_robot import SimulatedRobot
 
 _SECOND = 1_000_000_000
-# How long a camera must be at the target to have arrived [s], and how long it is left there, in 1 / gain.
-_ARRIVED_TIME, _SETTLING = 1.0, 3.0
+# Within this of the target [m], [rad] for so long [s] a camera has arrived; it is left there for so many 1 / gain.
+_ARRIVED, _ARRIVED_ANGLE, _ARRIVED_TIME = 0.05, math.radians(2.0), 1.0
+_SETTLING = 3.0
 # The end of a run over which its last error is averaged [s].
 _LAST = 1.0
 _MIN_LINES = 3
@@ -136,6 +137,7 @@ class _Loop:
         self._tracker = PoseTracker(setup.estimator)
         self._monitor = SingularityMonitor.from_parameters(monitor) if task.watched else None
         self._result = RunResult(task.law, task.kind, task.number)
+        self._used = setup.controller.degrees_of_freedom
         self._halts: Counter[str] = Counter()
         self._squares: list[float] = []
         self._first: Array | None = None
@@ -145,20 +147,20 @@ class _Loop:
     def run(self) -> RunResult:
         setup, result, period = self._setup, self._result, self._setup.period
         target, deadline = setup.target, RolloutLaw.of_parameters(setup.controller).deadline
-        start = self._distance()
+        start = distance_between(self._start, target, self._used)[0]
         away = max(1.5 * start, start + 0.05)
         arrived_since, end, distances, length = None, math.inf, [], 0.0
         frame = 0
         while True:
-            time, distance = frame * period, self._distance()
+            here, time = self._robot.T_world_camera, frame * period
+            distance, angle = distance_between(here, target, self._used)
             distances.append(distance)
-            here = self._robot.T_world_camera
             if time >= end:
                 break
             result.harm, result.time = self._harm(distance, away, time, deadline, end), time
             if result.harm:
                 break
-            there = is_arrived(here, target, distance)
+            there = distance <= _ARRIVED and angle <= _ARRIVED_ANGLE
             arrived_since = None if not there else time if arrived_since is None else arrived_since
             if arrived_since is not None and time - arrived_since >= _ARRIVED_TIME and end == math.inf:
                 result.time = time
@@ -181,9 +183,6 @@ class _Loop:
         rows = np.linspace(0, len(result.trace) - 1, min(_KEPT, len(result.trace))).round().astype(int)
         result.trace = [result.trace[row] for row in rows]
         return result
-
-    def _distance(self) -> float:
-        return float(np.linalg.norm(self._robot.T_world_camera.translation - self._setup.target.translation))
 
     def _harm(self, distance: float, away: float, time: float, deadline: float, end: float) -> int:
         if distance > away:
