@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Other poses of an object that look the same: symmetries, and the second pose of a flat object."""
+"""Other poses of an object: symmetries, the second pose of a flat one, and where to search for a lost one."""
 
 from __future__ import annotations
 
@@ -17,6 +17,11 @@ Rows = npt.NDArray[np.int32] | npt.NDArray[np.int_]
 
 # Vertices, as a share of the model's size, and planes of visible edges.
 _TOLERANCE = 1e-3
+# Where a lost object is searched for: rings about the line of sight [px] with so many places, turns about it [rad], and
+# shares of the distance.
+_RINGS = (18.0, 6), (36.0, 10)
+_ROLL = 0.1
+_DEPTH = 0.08
 # Models with more edges are taken as they are: comparing all with all would take too long.
 _MAX_EDGES = 200
 
@@ -74,6 +79,31 @@ def flipped(model: Model, edges: Rows, T_camera_model: Pose) -> Pose | None:
         return None
     turn, _ = exponential(2.0 * math.asin(min(sine, 1.0)) / sine * axis)
     return Pose(turn, middle - turn @ middle) @ T_camera_model
+
+
+def surroundings(T_camera_model: Pose, center: Array, focal: float) -> list[Pose]:
+    """Return poses round one, the nearest first, so near to each other that a search for edges closes the gaps.
+
+    Args:
+        T_camera_model: The pose.
+        center: Of the object, in the model frame, shape (3,) [m].
+        focal: Of the camera [px].
+    """
+    middle = T_camera_model.rotation @ center + T_camera_model.translation
+    sight = middle / np.linalg.norm(middle)
+    across = cross(np.array([0.0, 1.0, 0.0]), sight)
+    down = cross(sight, across)
+    turns = [
+        radius / focal * (math.cos(angle) * across + math.sin(angle) * down)
+        for radius, count in _RINGS
+        for angle in 2.0 * math.pi * np.arange(count) / count
+    ]
+    found = [Pose(exponential(each)[0], np.zeros(3)) @ T_camera_model for each in turns]
+    for roll in (-_ROLL, _ROLL):
+        turn = exponential(roll * sight)[0]
+        found.append(Pose(turn, middle - turn @ middle) @ T_camera_model)
+    found += [Pose(np.eye(3), share * middle) @ T_camera_model for share in (-_DEPTH, _DEPTH)]
+    return found
 
 
 def angle_between(a: Pose, b: Pose) -> float:

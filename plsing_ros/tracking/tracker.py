@@ -19,7 +19,7 @@ from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
-from plsing_ros.tracking.alternatives import angle_between, flipped, symmetries
+from plsing_ros.tracking.alternatives import angle_between, flipped, surroundings, symmetries
 from plsing_ros.tracking.camera import PinholeCamera
 from plsing_ros.tracking.points import FacePoints, PointPose
 from plsing_ros.tracking.tracking import Tracking, TrackingState
@@ -39,6 +39,9 @@ _MIN_EXCESS = 0.45
 _MIN_EXCESS_WITH_POINTS = 0.2
 _GOOD_EXCESS = 0.6
 _MIN_GAIN = 0.1
+# What ends a search round a pose, and where it begins in an image after the first.
+_FOUND_EXCESS = 0.8
+_STARTS_PER_IMAGE = 4
 # WEAK if the standard deviation of the object's position exceeds this share of its radius.
 _MAX_DEVIATION = 0.3
 # Poses that look the same and differ by less cannot be told apart; more with each image without the object [rad].
@@ -158,7 +161,23 @@ class LineTracker:
             other = self._fit(grey, predicted, reach, None)
             if other is not None and (fit is None or other.excess > fit.excess + _MIN_GAIN):
                 fit, by_points = other, None
+        if self._losses and by_points is None and (fit is None or fit.excess < _GOOD_EXCESS):
+            fit = self._search(grey, predicted, fit)
         return self._concluded(grey, fit, by_points)
+
+    def _search(self, image: Image, predicted: Pose, fit: _Fit | None) -> _Fit | None:
+        """Return the best fit round a pose: in all its surroundings at the first image, in some at each later one."""
+        starts = surroundings(predicted, self.model.center, self.camera.focal)
+        if self._losses > 1:
+            first = (self._losses - 2) * _STARTS_PER_IMAGE % len(starts)
+            starts = starts[first : first + _STARTS_PER_IMAGE]
+        for start in starts:
+            other = self._fit(image, start, _SEARCH_RANGES[1:], None)
+            if other is not None and (fit is None or other.excess > fit.excess):
+                fit = other
+            if fit is not None and fit.excess >= _FOUND_EXCESS:
+                break
+        return fit
 
     def _fit(self, image: Image, pose: Pose, ranges: tuple[int, ...], points: PointPose | None) -> _Fit | None:
         """Return the edges fitted with smaller and smaller ranges; None where there are none."""
