@@ -57,7 +57,9 @@ class LineTrackerNode(ParameterizedNode[LineTrackerParameters]):
         """Read the model."""
         parameters = self.parameters
         self._model = parameters.model()
-        self._session = TrackingSession(self._model, parameters.use_points, parameters.gamma, parameters.max_repeats)
+        self._session = TrackingSession(
+            self._model, parameters.use_points, parameters.gamma, parameters.max_repeats, parameters.tag()
+        )
         self._stamps = StampFilter("images", parameters.image_timeout, parameters.future_tolerance)
         self._twist: tuple[Any, int] | None = None
         self._latest, self._silent = None, False
@@ -210,7 +212,7 @@ _EXAMPLES = """examples:
   ros2 run plsing_ros line_tracker --ros-args -p model.file:=part.obj -r image:=/camera/image_rect
   ros2 topic echo /line_tracker/state
 
-Needs camera_info and one initial_pose (geometry_msgs/PoseWithCovarianceStamped of the camera in the scene).
+Needs camera_info, and one initial_pose (geometry_msgs/PoseWithCovarianceStamped of the camera in the scene) or a tag.
 All parameters with units and ranges: config/line_tracker.yaml"""
 
 

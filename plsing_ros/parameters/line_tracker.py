@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from plsing_ros.geometry.tag import FAMILIES, Tag
 from plsing_ros.parameters.parameter_set import parameter
-from plsing_ros.parameters.scene import SceneParameters
+from plsing_ros.parameters.scene import SceneParameters, pose_from_parameters
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,27 @@ class LineTrackerParameters(SceneParameters):
         maximum=10**6,
         live=False,
     )
+    tag_family: str = parameter(
+        "",
+        "tag.family",
+        "Of a tag that gives the first pose, and a new one after a loss; if empty, only initial_pose does",
+        choices=("", *FAMILIES),
+        live=False,
+    )
+    tag_id: int = parameter(0, "tag.id", "Which tag of the family", minimum=0, maximum=100_000, live=False)
+    tag_size: float = parameter(
+        0.05, "tag.size", "Side of the tag's black square", unit="m", minimum=1e-3, maximum=10.0, live=False
+    )
+    tag_position: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0), "tag.position", "Middle of the tag, in the scene frame: x, y, z", unit="m", live=False
+    )
+    tag_orientation: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0, 1.0),
+        "tag.orientation",
+        "Of the tag (x to the right and y up as it is printed, z out of it), in the scene frame: unit quaternion "
+        "x, y, z, w",
+        live=False,
+    )
     watchdog_period: float = parameter(
         0.05,
         "watchdog_period",
@@ -57,3 +79,15 @@ class LineTrackerParameters(SceneParameters):
         maximum=10.0,
         live=False,
     )
+
+    def check(self) -> None:
+        """Refuse an object or a tag that is none."""
+        super().check()
+        self.tag()
+
+    def tag(self) -> Tag | None:
+        """Return the tag, or None."""
+        if not self.tag_family:
+            return None
+        T_world_tag = pose_from_parameters("tag", self.tag_position, self.tag_orientation)
+        return Tag(self.tag_family, self.tag_id, self.tag_size, T_world_tag)

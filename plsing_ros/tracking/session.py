@@ -12,7 +12,9 @@ import numpy.typing as npt
 from plsing_ros.errors import PlsingError
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
+from plsing_ros.geometry.tag import Tag
 from plsing_ros.tracking.camera import PinholeCamera
+from plsing_ros.tracking.tag_finder import TagFinder
 from plsing_ros.tracking.tracker import LineTracker
 from plsing_ros.tracking.tracking import Tracking, TrackingState
 
@@ -68,11 +70,23 @@ class TrackingSession:
         use_points: See LineTracker.
         gamma: See LineTracker.
         max_repeats: Images in a row that are equal in every pixel, beyond which the camera is taken for frozen.
+        tag: Where a tag is that gives the first pose, and a new one after a loss.
+
+    Raises:
+        ParameterError: If the tag cannot be looked for.
     """
 
-    def __init__(self, model: Model, use_points: bool = True, gamma: float = 2.2, max_repeats: int = 30) -> None:
+    def __init__(
+        self,
+        model: Model,
+        use_points: bool = True,
+        gamma: float = 2.2,
+        max_repeats: int = 30,
+        tag: Tag | None = None,
+    ) -> None:
         self._model = model
         self._use_points, self._gamma, self._max_repeats = use_points, gamma, max_repeats
+        self._tag = None if tag is None else TagFinder(tag)
         self._tracker: LineTracker | None = None
         self._camera_problem = "no camera_info has come"
         self._pose: Pose | None = None
@@ -122,15 +136,17 @@ class TrackingSession:
         """
         if self._tracker is None:
             return SessionReport(SessionState.WAITING_FOR_CAMERA_INFO, self._camera_problem)
-        if self._pose is None:
-            return SessionReport(SessionState.WAITING_FOR_POSE, "no initial_pose has come")
         problem = self._problem(image)
+        if self._pose is None and self._tag is None:
+            return SessionReport(SessionState.WAITING_FOR_POSE, "no initial_pose has come")
         if problem:
             return SessionReport(SessionState.LOST if self._found else SessionState.SEARCHING, problem)
         try:
-            tracking = self._tracker.track(image, predicted if self._found else None)
+            tracking = self._tracked(self._tracker, image, predicted if self._found else None)
         except PlsingError as error:
             return SessionReport(SessionState.LOST, str(error))
+        if tracking is None:
+            return SessionReport(SessionState.WAITING_FOR_POSE, "no initial_pose has come, and the tag is not seen")
         state, reason = _OF_TRACKING[tracking.state], tracking.reason
         if state is SessionState.LOST:
             reason = f"{reason}; searching from the last good pose"
@@ -139,6 +155,18 @@ class TrackingSession:
             self._found = True
             self._pose = tracking.T_world_camera
         return SessionReport(state, reason, tracking)
+
+    def _tracked(self, tracker: LineTracker, image: npt.NDArray[np.uint8], predicted: Pose | None) -> Tracking | None:
+        """Return what the tracker says; where it is lost, from the tag; None where it has nothing to begin with."""
+        tracking = None if self._pose is None else tracker.track(image, predicted)
+        if self._tag is None or (tracking is not None and tracking.state is not TrackingState.LOST):
+            return tracking
+        for pose in self._tag.find(image, tracker.camera):
+            tracker.start(pose)
+            tracking = tracker.track(image)
+            if tracking.state is not TrackingState.LOST:
+                break
+        return tracking
 
     def _problem(self, image: npt.NDArray[np.uint8]) -> str:
         """Return why an image shows nothing, or an empty text."""
