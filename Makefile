@@ -7,11 +7,12 @@ export PYTHON
 
 RUN := $(PYTHON) tools/environment.py run
 
-.PHONY: help demo paper docs test test-quick test-noble test-sanitized coverage bench lint clean setup python noble-python
+.PHONY: help demo demo-camera paper docs test test-quick test-noble test-sanitized coverage bench lint clean setup python noble-python
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo        run the demo                        ARGS=... is passed to it"
+	@echo "make demo-camera run the demo with a rendered arm    ARGS=... is passed to it"
 	@echo "make test        run the tests                       ARGS='-k transversals' is passed to pytest"
 	@echo "make test-quick  run the tests of the core that take no ROS and no seconds; ARGS as above"
 	@echo "make test-noble  the same with Ubuntu 24.04's numpy, scipy, ..., on Python 3.12"
@@ -29,6 +30,9 @@ help:
 
 demo: python
 	@$(RUN) demo $(ARGS)
+
+demo-camera: python
+	@$(RUN) demo_camera $(ARGS)
 
 test: python
 	@$(RUN) python3 -m pytest $(ARGS)

@@ -123,6 +123,7 @@ setup(
             "container = plsing_ros.nodes.container:main",
             "demo = plsing_ros.cli.demo:main",
             "evaluate = plsing_ros.cli.evaluate:main",
+            "demo_camera = plsing_ros.cli.demo_camera:main",
             "analyze = plsing_ros.cli.analyze:main",
             "replay = plsing_ros.cli.replay:main",
             "select_lines = plsing_ros.cli.select_lines:main",

@@ -14,11 +14,7 @@ from __future__ import annotations
 import os
 import random
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import rclpy
 from geometry_msgs.msg import TwistStamped
@@ -27,6 +23,7 @@ from plsing_msgs.msg import LineFeatureArray
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.transports import RANGE, TRANSPORTS
 from plsing_ros.parameters.config_files import config_file
+from plsing_ros.testing.node_processes import NodeProcesses
 
 _STOPPED = 2.0  # [s]
 _PATIENCE = 60.0  # [s]
@@ -63,11 +60,10 @@ def measure(stops: int, settings: dict[str, str]) -> tuple[list[float], int]:
     os.environ.update({TRANSPORTS: "UDPv4", RANGE: "SUBNET"})
     chance = random.Random(_SEED)
     late, moving_after = [], 0
-    with (
-        _process("feature_simulator", base, "mode:=realtime") as simulator,
-        _process("controller", {**base, **settings}, "features_timeout:=0.2", "gain:=0.02"),
-        _Ears() as ears,
-    ):
+    with NodeProcesses(base) as processes, _Ears() as ears:
+        file = config_file("paper_p4l.yaml")
+        simulator = processes.start("feature_simulator", [file], {"mode": "realtime"})
+        processes.start("controller", [file], {"features_timeout": 0.2, "gain": 0.02}, settings=settings)
         for _ in range(stops):
             ears.wait_until_moving()
             ears.listen(chance.uniform(0.0, 1.0))
@@ -124,17 +120,3 @@ class _Ears:
 
     def _on_features(self, _: LineFeatureArray) -> None:
         self.last_feature = time.monotonic()
-
-
-@contextmanager
-def _process(node: str, environment: dict[str, str], *parameters: str) -> Iterator[subprocess.Popen[bytes]]:
-    code = f"from plsing_ros.nodes.{node} import main; raise SystemExit(main())"
-    arguments = ["--ros-args", "--params-file", str(config_file("paper_p4l.yaml"))]
-    arguments += [word for parameter in parameters for word in ("-p", parameter)]
-    process = subprocess.Popen([sys.executable, "-c", code, *arguments], env=environment, stderr=subprocess.DEVNULL)
-    try:
-        yield process
-    finally:
-        process.send_signal(signal.SIGCONT)
-        process.terminate()
-        process.wait(30.0)

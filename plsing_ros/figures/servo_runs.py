@@ -21,7 +21,7 @@ from plsing_ros.levels import Level
 from plsing_ros.simulation.run_record import RunRecord
 from plsing_ros.singularities import SingularSet
 
-_ALERT_MARKS = {Level.WARN: ("^", "tab:orange"), Level.CRITICAL: ("v", "tab:red")}
+ALERT_MARKS = {Level.WARN: ("^", "tab:orange"), Level.CRITICAL: ("v", "tab:red")}
 RUN_COLORS = ("tab:blue", "tab:red", "tab:green", "tab:purple")
 
 
@@ -105,11 +105,11 @@ def _draw_condition(figure: Any, records: Sequence[RunRecord]) -> None:
     axes.set_yscale("log")
     for record, color in zip(records, RUN_COLORS * len(records), strict=False):
         for alert in record.alerts:
-            if alert.level in _ALERT_MARKS:
-                marker, mark_color = _ALERT_MARKS[alert.level]
+            if alert.level in ALERT_MARKS:
+                marker, mark_color = ALERT_MARKS[alert.level]
                 value = np.interp(alert.time, record.time, record.inverse_condition_number)
                 axes.plot(alert.time, value, marker, color=mark_color, markersize=9, markeredgecolor=color)
-    for level, (marker, mark_color) in _ALERT_MARKS.items():
+    for level, (marker, mark_color) in ALERT_MARKS.items():
         axes.plot([], [], marker, color=mark_color, label=f"alert {level.name}")
     draw_over_time(axes, records, "inverse condition number", lambda record: record.inverse_condition_number)
 

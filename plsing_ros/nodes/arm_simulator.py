@@ -46,6 +46,10 @@ class ArmSimulatorNode(SimulatorNode[ArmSimulatorParameters]):
             f"{self.topics('cmd_twist', 'image')}"
         )
 
+    def cleanup(self) -> None:
+        """Give back what the pictures are drawn in."""
+        self.simulation.close()
+
     def prepare(self, parameters: ArmSimulatorParameters) -> Callable[[], None]:
         """Use changed light, noise and limits from the next frame on, a changed start pose at the next reset."""
         return self.simulation.prepare(parameters)

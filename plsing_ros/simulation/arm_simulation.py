@@ -103,9 +103,18 @@ class ArmSimulation(SteppedSimulation):
             grey = grey + (noise if grey.ndim == 2 else noise[..., np.newaxis])
         self.image: npt.NDArray[np.uint8] = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
 
-    def outside(self) -> npt.NDArray[np.uint8] | None:
-        """Return a look at the arm, (480, 640, 3) in red, green and blue; None where polygons are drawn."""
-        return self._mujoco.render(self.joints, "outside") if self._mujoco is not None else None
+    def look_at(self, joints: Array) -> npt.NDArray[np.uint8] | None:
+        """Return a picture of the arm from outside, (480, 640, 3) in red, green, blue; None where polygons are drawn.
+
+        Args:
+            joints: Of the arm, shape (6,) [rad].
+        """
+        return self._mujoco.render(joints, "outside") if self._mujoco is not None else None
+
+    def close(self) -> None:
+        """Give back what the pictures are drawn in."""
+        if self._mujoco is not None:
+            self._mujoco.close()
 
     def _make_renderer(self) -> Callable[[], Array]:
         """Choose what draws, and return what gives the light of the current frame, from 0 to 255 and above."""

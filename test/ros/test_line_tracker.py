@@ -6,20 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import twist_values
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 from sensor_msgs.msg import CameraInfo, Image
 
 from plsing_msgs.msg import LineFeatureArray
 from plsing_ros.geometry import Pose
+from plsing_ros.geometry.model import Model
 from plsing_ros.nodes import qos
+from plsing_ros.nodes.controller import ControllerNode
 from plsing_ros.nodes.conversions import header
 from plsing_ros.nodes.image_conversions import grey_from_message, image_message
 from plsing_ros.nodes.line_tracker import LineTrackerNode
 from plsing_ros.nodes.pose_conversions import camera_pose_message
+from plsing_ros.nodes.pose_estimator import PoseEstimatorNode
+from plsing_ros.simulation.polygon_renderer import PolygonRenderer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tracking"))
-from rendered import CAMERA, box, orbit, renderer
+from rendered import CAMERA, LIGHTS, box, orbit
 
 pytest.importorskip("cv2")
 
@@ -40,8 +45,8 @@ def camera_info(width=640, model="plumb_bob"):
 class TrackerLoop:
     """Sends images to a tracker and receives what it says of them."""
 
-    def __init__(self, ros, **parameters):
-        model = box()
+    def __init__(self, ros, model=None, lights=LIGHTS, **parameters):
+        model = model or box()
         faces = [row for face in model.faces for row in (*face, -1)]
         vertices = model.vertices.ravel().tolist()
         self.ros = ros
@@ -53,7 +58,8 @@ class TrackerLoop:
         self.images = ros.publisher(Image, "image")
         self.infos = ros.publisher(CameraInfo, "camera_info")
         self.starts = ros.publisher(PoseWithCovarianceStamped, "initial_pose")
-        self.drawing, self.random = renderer(background=0.02), np.random.default_rng(1)
+        self.drawing = PolygonRenderer(model, CAMERA, lights[: len(model.faces)], 0.02)
+        self.random = np.random.default_rng(1)
 
     def calibrate(self, **options):
         self.infos.publish(camera_info(**options))
@@ -65,6 +71,10 @@ class TrackerLoop:
 
     def picture(self, pose=START):
         return self.drawing.render(pose.inverse(), 1.0, self.random)
+
+    def parameters(self):
+        """The object, for other nodes."""
+        return {name: self.node.parameters.values()[name] for name in ("model.vertices", "model.faces")}
 
     def answer(self, picture, change=lambda message: None):
         """Send an image, and return the state that answers it and the features."""
@@ -158,3 +168,75 @@ def test_colours_become_grey_as_opencv_does_it(encoding):
     message.encoding = encoding
     expected = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY if encoding == "bgr8" else cv2.COLOR_RGB2GRAY)
     assert np.abs(grey_from_message(message).astype(int) - expected).max() <= 1
+
+
+def plate():
+    corners = [[-0.05, -0.035, 0.0], [0.05, -0.035, 0.0], [0.05, 0.035, 0.0], [-0.05, 0.035, 0.0]]
+    return Model.from_faces(corners, [(0, 1, 2, 3)])
+
+
+def prism():
+    angles = np.arange(16) * np.pi / 8
+    ring = 0.06 * np.column_stack([np.cos(angles), np.sin(angles)])
+    vertices = np.vstack([np.column_stack([ring, np.full(16, z)]) for z in (-0.04, 0.04)])
+    sides = [(i, (i + 1) % 16, 16 + (i + 1) % 16, 16 + i) for i in range(16)]
+    return Model.from_faces(vertices, [tuple(range(15, -1, -1)), tuple(range(16, 32)), *sides])
+
+
+@pytest.mark.parametrize(
+    ("model", "lights", "pose"),
+    [(plate(), (0.8,), Pose.look_at((0.1, 0.15, 1.6), (0, 0, 0))), (prism(), (0.3, 0.8, *(0.3, 0.6) * 8), START)],
+    ids=["one face, from afar", "a prism of many sides"],
+)
+def test_an_object_that_looks_the_same_from_elsewhere_is_ambiguous_and_gives_no_usable_line(ros, model, lights, pose):
+    loop = TrackerLoop(ros, model, lights)
+    loop.calibrate()
+    loop.begin(pose)
+    status, features = loop.answer(loop.picture(pose))
+    assert status.name == "AMBIGUOUS" and "explains the edges as well" in status.message
+    assert not any(features.visible)
+
+
+def test_one_face_from_near_by_is_tracked(ros):
+    loop = TrackerLoop(ros, plate(), (0.8,))
+    near = Pose.look_at((0.08, 0.12, 0.16), (0, 0, 0))
+    loop.calibrate()
+    loop.begin(near)
+    status, features = loop.answer(loop.picture(near))
+    assert status.name == "TRACKING" and sum(features.visible) == 4
+
+
+def test_after_no_bad_image_does_the_robot_move(loop):
+    """Tracker, estimator and controller: the twist that answers an image, or the lack of one, is zero."""
+    ros = loop.ros
+    target = START @ Pose(np.eye(3), [0.0, 0.0, 0.03])
+    goal = {"target.position": target.translation.tolist(), "target.orientation": target.quaternion_xyzw.tolist()}
+    ros.add(PoseEstimatorNode, None, loop.parameters())
+    remap = {"line_features": "completed_line_features"}
+    ros.add(ControllerNode, None, {**loop.parameters(), **goal, "features_timeout": 0.5}, remap)
+    twists = ros.collect(TwistStamped, "cmd_twist", qos.STATUS)
+
+    def moving():
+        loop.answer(loop.picture())
+        ros.spin_for(0.05)
+        return bool(twists) and np.any(twist_values(twists[-1]))
+
+    loop.calibrate()
+    loop.begin()
+    black = np.zeros((480, 640), np.uint8)
+    for said, picture, change in [
+        ("black", black, lambda m: None),
+        ("overexposed", black + 255, lambda m: None),
+        ("explains", black + 90, lambda m: None),
+        ("encoding", loop.picture(), lambda m: setattr(m, "encoding", "16UC1")),
+        ("cut off", loop.picture(), lambda m: setattr(m, "height", 481)),
+        ("320 x 240", np.ascontiguousarray(loop.picture()[::2, ::2]), lambda m: None),
+        ("old", loop.picture(), lambda m: setattr(m.header.stamp, "sec", m.header.stamp.sec - 60)),
+    ]:
+        ros.spin_until(moving, f"a twist before the image that is {said}", 20.0)
+        status, _ = loop.answer(picture, change)
+        assert said in status.message, status
+        ros.spin_until(lambda: not np.any(twist_values(twists[-1])), f"a halt after the image that is {said}")
+        count = len(twists)
+        ros.spin_for(0.3)
+        assert not any(np.any(twist_values(each)) for each in twists[count:]), said

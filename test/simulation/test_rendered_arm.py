@@ -89,7 +89,7 @@ def test_where_mujoco_cannot_draw_opencv_does_and_says_what_to_install(monkeypat
     simulation = ArmSimulation(arm_parameters())
     assert said in simulation.renderer and "OpenCV draws" in simulation.renderer
     assert simulation.image.shape == (480, 640) and np.ptp(simulation.image) > 50
-    assert simulation.outside() is None
+    assert simulation.look_at(simulation.joints) is None
     with pytest.raises(PlsingError, match="MuJoCo"):
         ArmSimulation(arm_parameters(renderer="mujoco"))
 
