@@ -6,11 +6,13 @@ from __future__ import annotations
 import numpy as np
 
 from plsing_ros.arrays import Array
-from plsing_ros.singularities import SingularSet
+from plsing_ros.singularities import Curve, Kind, SingularSet
 
 # Share of an end's own distance to a locus that is kept there, and by how much more for each metre away from the end.
 _KEPT = 0.9
 _SLOPE = 0.5
+# Curves are looked at up to so many times the distance of start and target, and the margin, from their middle.
+_FAR = 4.0
 
 
 class Clearance:
@@ -50,8 +52,15 @@ class Clearance:
         ]
         self.crossed = tuple(each.name for each in singular.surfaces if each not in [surface for surface, _ in kept])
         self._surfaces = kept
-        self._point, self._direction = singular.lines_and_points
-        self.names = singular.locus_names[: len(self._point)] + tuple(surface.name for surface, _ in kept)
+        point, direction = singular.lines_and_points
+        straight = [each for each in singular.curves if isinstance(each, Curve) and each.kind is Kind.STRAIGHT_LINE]
+        bent = [each for each in singular.curves if each not in straight]
+        self._point = np.concatenate([point, *(curve.point[np.newaxis] for curve in straight)])
+        self._direction = np.concatenate([direction, *(curve.axes for curve in straight)])
+        middle, reach = 0.5 * (start + target), _FAR * (float(np.linalg.norm(target - start)) + margin)
+        self._far, self._pieces = reach, [curve.segments(middle, reach) for curve in bent]
+        self.names = singular.locus_names[: len(point)] + tuple(curve.name for curve in (*straight, *bent))
+        self.names += tuple(surface.name for surface, _ in kept)
         self._at_ends = self.distances(ends)
 
     def distances(self, centers: Array) -> Array:
@@ -64,7 +73,8 @@ class Clearance:
             sign * surface.value(centers) / np.maximum(np.linalg.norm(surface.gradient(centers), axis=1), 1e-300)
             for surface, sign in self._surfaces
         ]
-        return np.column_stack([thin, *sides])
+        bent = [np.minimum(_apart(pieces, centers), self._far) for pieces in self._pieces]
+        return np.column_stack([thin, *bent, *sides])
 
     def to_keep(self, centers: Array) -> Array:
         """Return the distances that camera centres (k, 3) must keep from each part, shape (k, parts) [m]."""
@@ -85,11 +95,16 @@ class Clearance:
         For a line the first leads straight away from it and from the direction of motion.
         """
         axis = self._direction[part] if part < len(self._direction) else np.zeros(3)
+        bent = part - len(self._direction)
+        if 0 <= bent < len(self._pieces) and len(self._pieces[bent]):
+            ends = self._pieces[bent]
+            nearest = ends[np.linalg.norm(ends.mean(axis=1) - center, axis=1).argmin()]
+            axis = nearest[1] - nearest[0]
         first = np.cross(axis, along)
-        if np.linalg.norm(first) < 1e-6:
+        if np.linalg.norm(first) < 1e-6 * max(float(np.linalg.norm(axis)), 1e-300):
             offset = self._offsets(center[np.newaxis])[0, part] if part < len(self._direction) else np.zeros(3)
             first = offset - (offset @ along) * along
-        if np.linalg.norm(first) < 1e-6:
+        if np.linalg.norm(first) < 1e-12:
             first = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
         first /= np.linalg.norm(first)
         second = np.cross(along, first)
@@ -103,3 +118,16 @@ class Clearance:
         along = np.einsum("kpi,pi->kp", offset, self._direction)
         across: Array = offset - along[:, :, np.newaxis] * self._direction
         return across
+
+
+def _apart(pieces: Array, centers: Array) -> Array:
+    """Return the distances of centres (k, 3) from the nearest of straight pieces (m, 2, 3), shape (k,) [m]."""
+    nearest = np.full(len(centers), np.inf)
+    if len(pieces):
+        way = pieces[:, 1] - pieces[:, 0]
+        square = np.maximum((way * way).sum(axis=1), 1e-300)
+        for i, center in enumerate(centers):
+            offset = center - pieces[:, 0]
+            share = np.clip((offset * way).sum(axis=1) / square, 0.0, 1.0)
+            nearest[i] = np.sqrt(((offset - share[:, np.newaxis] * way) ** 2).sum(axis=1).min())
+    return nearest
