@@ -11,7 +11,7 @@ from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import MessageWord
-from plsing_ros.singularities import DistanceArrays, Kind, LocusDistance, SingularSet
+from plsing_ros.singularities import Curve, DistanceArrays, Kind, LocusDistance, SingularSet
 
 # Below this the camera is at rest, or its motion is across nothing.
 _AT_REST = 1e-9  # [m/s]
@@ -68,7 +68,7 @@ class ApproachTable:
         self._direction = np.zeros((len(self._kinds), 3))
         self._direction[: len(singular.transversals)] = singular.transversal_lines[1]
         for row, curve in enumerate(singular.curves, start=len(self._kinds) - len(singular.curves)):
-            if curve.kind is Kind.STRAIGHT_LINE:
+            if isinstance(curve, Curve) and curve.kind is Kind.STRAIGHT_LINE:
                 self._direction[row] = curve.axes[0]
 
     def nearest(self, arrays: DistanceArrays) -> LocusDistance | None:

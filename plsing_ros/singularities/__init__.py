@@ -10,6 +10,7 @@ from plsing_ros.singularities.locus import Locus
 from plsing_ros.singularities.meshing import surface_triangles
 from plsing_ros.singularities.nearest_transversal import NearestTransversal
 from plsing_ros.singularities.proximity import Proximity
+from plsing_ros.singularities.screw_curve import ScrewCurve
 from plsing_ros.singularities.singular_set import SingularSet, singular_set
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import Transversal, TransversalFamily
@@ -27,6 +28,7 @@ __all__ = [
     "MotionKind",
     "NearestTransversal",
     "Proximity",
+    "ScrewCurve",
     "SingularSet",
     "Surface",
     "Transversal",

@@ -18,6 +18,7 @@ from plsing_ros.singularities.meshing import surface_triangles
 from plsing_ros.singularities.proximity import conditions_at, halton_shell, normal_condition
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
+from plsing_ros.singularities.screw_curve import ScrewCurve
 from plsing_ros.singularities.surfaces import Surface
 
 # Samples of a locus, and how far beside it, in scene lengths, its slope is taken.
@@ -64,7 +65,7 @@ class Everywhere:
         return center
 
 
-Part = StraightPart | Surface | Curve | Everywhere
+Part = StraightPart | Surface | Curve | ScrewCurve | Everywhere
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Isolated points of five or more lines, none parallel: those of a four-line subset that all lines keep singular."""
+"""Where a screw is unobservable for five or more lines, none parallel: where a four-line subset says that it may be."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ import scipy.linalg
 
 from plsing_ros.arrays import Array, cross
 from plsing_ros.singularities.bilinear_system import bilinear_tensor, newton
+from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.degenerate_scenes import distinct_rows, singular_everywhere_reason
-from plsing_ros.singularities.four_lines import (
-    IsolatedPoints,
-    IsolatedStatus,
-    is_generic,
-    isolated_points_of_four,
-    no_points,
-)
+from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, is_generic, no_points
 from plsing_ros.singularities.isolated_points import RESIDUAL_TOLERANCE, ComplexArray, solve_ten_points
+from plsing_ros.singularities.loci import Kind
+from plsing_ros.singularities.parallel_lines import ScrewLoci, is_on_known_locus
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
+from plsing_ros.singularities.screw_curve import ScrewCurve
+from plsing_ros.singularities.special_loci import NO_PLANES, infinite_loci, is_on_curve, screws_of_four_lines
 from plsing_ros.singularities.surfaces import transversal_surfaces
 from plsing_ros.singularities.transversals import (
     TransversalAnalysis,
@@ -33,19 +32,24 @@ from plsing_ros.singularities.transversals import (
 _CONSIDERED = 1000
 # those tried; one that is understood completely is enough, and box-like scenes have some that are not.
 _SUBSETS = 15
-# Candidates start from a subset's points, which differ from those of all lines by rounding only.
-_CANDIDATE = 1e-6
+# Two points nearer than this are one.
+_SAME = 1e-6
 _ON_LOCUS = 1e-8
 # Scene lengths from the scene's centre beyond which a candidate is an eigenvalue at infinity, blurred by rounding.
 _FARTHEST = 1e7
+# Places along a curve of a subset from which points that are singular for all lines are looked for: the lowest of the
+# residual, if below.
+_LOWEST, _LOW = 12, 0.03
+# Scene lengths from the scene's centre up to which they are.
+_DRAWN = 30.0
 
 
-def isolated_points_of_many(frame: SceneFrame, analysis: TransversalAnalysis) -> IsolatedPoints:
-    """Return the isolated points of n >= 5 distinct lines that are not singular everywhere.
+def screws_of_many_lines(frame: SceneFrame, analysis: TransversalAnalysis) -> ScrewLoci:
+    """Return where a screw is unobservable for n >= 5 distinct lines, no two parallel, not singular everywhere.
 
     Leaving lines out can only lower the rank, so a singular centre of all lines is singular for each four of them: it
-    is one of their isolated points or on one of their transversals. Along a transversal xi is a matrix linear in the
-    position, whose singular positions are generalised eigenvalues.
+    is one of their isolated points, on one of their transversals or on a curve of theirs. Along a transversal or
+    another straight line xi is a matrix linear in the position, whose singular positions are generalised eigenvalues.
 
     Args:
         frame: The scene.
@@ -56,15 +60,21 @@ def isolated_points_of_many(frame: SceneFrame, analysis: TransversalAnalysis) ->
     rows = best_subsets(frame)
     ten = solve_ten_points(frame.direction[rows], frame.point[rows])
     generic = is_generic(ten)
+    # Four lines that are singular at points and transversals only leave no curve.
+    infinite = (
+        ScrewLoci(no_points(IsolatedStatus.NONE), (), NO_PLANES) if generic.any() else infinite_loci(frame, analysis)
+    )
     for i in np.argsort(-np.where(generic, ten.rank_margin, 0.0), kind="stable"):
-        candidates = _candidates(frame, analysis, rows[i].tolist(), ten.center[i] if generic[i] else None)
+        candidates = _candidates(frame, analysis, infinite, rows[i].tolist(), ten.center[i] if generic[i] else None)
         if candidates is not None:
-            return _surviving(frame, analysis, candidates)
-    return no_points(
+            points = _surviving(frame, analysis, infinite, candidates)
+            return ScrewLoci(points, infinite.curves, infinite.planes)
+    points = no_points(
         IsolatedStatus.UNRESOLVED,
-        f"None of the {len(rows)} sets of four lines that were tried is singular at points and lines only, so that "
+        f"None of the {len(rows)} sets of four lines that were tried is singular at points and curves only, so that "
         "isolated points of all lines cannot be excluded.",
     )
+    return ScrewLoci(points, infinite.curves, infinite.planes)
 
 
 def best_subsets(frame: SceneFrame) -> npt.NDArray[np.intp]:
@@ -77,27 +87,37 @@ def best_subsets(frame: SceneFrame) -> npt.NDArray[np.intp]:
 
 
 def _candidates(
-    frame: SceneFrame, analysis: TransversalAnalysis, subset: list[int], ten: ComplexArray | None
+    frame: SceneFrame,
+    analysis: TransversalAnalysis,
+    infinite: ScrewLoci,
+    subset: list[int],
+    ten: ComplexArray | None,
 ) -> ComplexArray | None:
-    """Return points among which the singular ones of all lines are; None if the subset leaves more than points."""
+    """Return points near which the singular ones of all lines are; None if the subset leaves a surface."""
     four = SceneFrame(frame.center, frame.length, False, frame.direction[subset], frame.point[subset])
     transversals = analyze_transversals(four)
     if transversals.family in (TransversalFamily.REGULUS, TransversalFamily.EVERYWHERE):
         return None
     # A plane that is singular for all lines anyway does no harm.
-    for plane in transversals.planes:
-        if not any(min(np.abs(plane - own).max(), np.abs(plane + own).max()) <= _ON_LOCUS for own in analysis.planes):
-            return None
+    known = np.concatenate([analysis.planes, infinite.planes])
+    if not all(_is_among(plane, known) for plane in transversals.planes):
+        return None
+    along = [_singular_along(frame, line) for line in transversals.lines if np.linalg.norm(line[:3]) > _ON_LOCUS]
     if ten is None:
         own = SceneFrame.recentered(four)
         distinct = len(distinct_rows(own))
         if distinct < 4 or singular_everywhere_reason(own, distinct) is not None:
             return None
-        found = isolated_points_of_four(four, transversals, transversal_surfaces(four, transversals))
-        if found.status not in (IsolatedStatus.FINITE, IsolatedStatus.NONE):
+        found = screws_of_four_lines(four, transversals, transversal_surfaces(four, transversals))
+        listed = len(found.curves) or len(found.planes)
+        if found.isolated.status is IsolatedStatus.UNRESOLVED or not all(
+            _is_among(plane, known) for plane in found.planes
+        ):
             return None
-        ten = found.center
-    along = [_singular_along(frame, line) for line in transversals.lines if np.linalg.norm(line[:3]) > _ON_LOCUS]
+        if found.isolated.status is IsolatedStatus.POSITIVE_DIMENSIONAL and not listed:
+            return None
+        ten = found.isolated.center
+        along += [_lowest_along(frame, curve) for curve in found.curves]
     candidates: ComplexArray = np.concatenate([ten, *along])
     return candidates
 
@@ -118,12 +138,34 @@ def _singular_along(frame: SceneFrame, line: Array) -> ComplexArray:
     return points
 
 
-def _surviving(frame: SceneFrame, analysis: TransversalAnalysis, candidates: ComplexArray) -> IsolatedPoints:
-    near = singularity_residuals(frame.point, frame.direction, candidates) <= _CANDIDATE
+def _is_among(plane: Array, known: Array) -> bool:
+    return any(min(np.abs(plane - own).max(), np.abs(plane + own).max()) <= _ON_LOCUS for own in known)
+
+
+def _lowest_along(frame: SceneFrame, curve: Curve | ScrewCurve) -> ComplexArray:
+    """Return places on a curve of four lines where all lines may be singular, shape (k, 3)."""
+    if isinstance(curve, Curve) and curve.kind is Kind.STRAIGHT_LINE:
+        direction, foot = curve.flat.axes[0], curve.flat.origin
+        return _singular_along(frame, np.concatenate([direction, cross(foot, direction)]))
+    points = curve.polyline(frame.center, _DRAWN * frame.length)
+    points = frame.to_scene(points[np.isfinite(points).all(axis=1)])
+    residual = singularity_residuals(frame.point, frame.direction, points)
+    lower = (residual <= np.roll(residual, 1)) & (residual <= np.roll(residual, -1)) & (residual <= _LOW)
+    rows = np.flatnonzero(lower)
+    lowest: ComplexArray = points[rows[np.argsort(residual[rows])][:_LOWEST]].astype(complex)
+    return lowest
+
+
+def _surviving(
+    frame: SceneFrame, analysis: TransversalAnalysis, infinite: ScrewLoci, candidates: ComplexArray
+) -> IsolatedPoints:
+    near = singularity_residuals(frame.point, frame.direction, candidates) <= _LOW
     near &= np.abs(candidates).max(axis=1, initial=0.0) < _FARTHEST
     start = candidates[near]
+    listed = len(infinite.curves) or len(infinite.planes)
+    nothing = no_points(IsolatedStatus.POSITIVE_DIMENSIONAL if listed else IsolatedStatus.NONE)
     if len(start) == 0:
-        return no_points(IsolatedStatus.NONE)
+        return nothing
     tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis])
     h = np.concatenate([np.ones((len(start), 1)), start], axis=1)
     h /= np.linalg.norm(h, axis=1, keepdims=True)
@@ -134,23 +176,23 @@ def _surviving(frame: SceneFrame, analysis: TransversalAnalysis, candidates: Com
     residual = singularity_residuals(frame.point, frame.direction, center)
     kept: list[int] = []
     for i in np.argsort(residual):
-        repeated = any(np.abs(center[i] - center[j]).max() <= _CANDIDATE for j in kept)
-        if residual[i] <= RESIDUAL_TOLERANCE and not repeated and not _on_known_locus(frame, analysis, center[i]):
+        repeated = any(np.abs(center[i] - center[j]).max() <= _SAME for j in kept)
+        if residual[i] <= RESIDUAL_TOLERANCE and not repeated and not _is_listed(frame, analysis, infinite, center[i]):
             kept.append(int(i))
     if not kept:
-        return no_points(IsolatedStatus.NONE)
+        return nothing
     found = center[kept]
     real = np.abs(found.imag).max(axis=1) <= _ON_LOCUS * (1.0 + np.abs(found).max(axis=1))
     found[real] = found[real].real
-    return IsolatedPoints(IsolatedStatus.FINITE, "", found, real, residual[kept])
+    status = IsolatedStatus.POSITIVE_DIMENSIONAL if listed else IsolatedStatus.FINITE
+    return IsolatedPoints(status, "", found, real, residual[kept])
 
 
-def _on_known_locus(frame: SceneFrame, analysis: TransversalAnalysis, center: ComplexArray) -> bool:
-    lines = [np.concatenate([frame.direction, frame.moment], axis=1), analysis.lines]
-    for line in np.concatenate(lines):
-        if np.linalg.norm(line[3:] - np.cross(center, line[:3])) <= _ON_LOCUS * (1.0 + np.linalg.norm(center)):
-            return True
-    return any(
-        abs(complex(plane[:3] @ center + plane[3])) <= _ON_LOCUS * (1.0 + np.linalg.norm(center))
-        for plane in analysis.planes
-    )
+def _is_listed(frame: SceneFrame, analysis: TransversalAnalysis, infinite: ScrewLoci, center: ComplexArray) -> bool:
+    """Return whether a point is on an observed line, a transversal, a plane or a curve that is known."""
+    size = _ON_LOCUS * (1.0 + float(np.abs(center).max()))
+    if is_on_known_locus(frame, analysis, center[np.newaxis]):
+        return True
+    if any(abs(complex(plane[:3] @ center + plane[3])) <= size for plane in infinite.planes):
+        return True
+    return bool(np.abs(center.imag).max() <= size) and is_on_curve(frame, infinite.curves, center.real)

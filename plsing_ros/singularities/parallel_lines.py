@@ -8,7 +8,7 @@ observed lines. Source: new, docs/theory.md section "Parallel lines".
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from plsing_ros.singularities.screw_axes import (
     axes_of_parallel_lines,
     centers_of_axis,
 )
+from plsing_ros.singularities.screw_curve import ScrewCurve
 from plsing_ros.singularities.transversals import TransversalAnalysis
 
 # Scene coordinates up to which a point is on a line or plane, and two of them are one.
@@ -44,7 +45,7 @@ class ScrewLoci:
     """
 
     isolated: IsolatedPoints
-    curves: tuple[Curve, ...]
+    curves: tuple[Curve | ScrewCurve, ...]
     planes: Array
 
 
@@ -60,6 +61,20 @@ def screws_of_parallel_lines(frame: SceneFrame, analysis: TransversalAnalysis) -
         axes = axes_of_concurrent_lines(frame)
     if axes is None:
         return None
+    found = screws_of_axes(frame, analysis, axes)
+    left = len(found.isolated.center)
+    note = f"The parallel lines leave {left} of the ten points of general lines." if len(frame.point) == 4 else ""
+    return replace(found, isolated=replace(found.isolated, note=note))
+
+
+def screws_of_axes(frame: SceneFrame, analysis: TransversalAnalysis, axes: Array) -> ScrewLoci:
+    """Return where a screw with one of some axis directions is unobservable.
+
+    Args:
+        frame: The scene, n >= 4 different lines.
+        analysis: Its transversals.
+        axes: Unit vectors, shape (k, 3).
+    """
     points: list[ComplexArray] = []
     lines: list[FlatSet] = []
     conics: list[FlatSet] = []
@@ -73,7 +88,7 @@ def screws_of_parallel_lines(frame: SceneFrame, analysis: TransversalAnalysis) -
                     normal = cross(part.axes[0], part.axes[1])
                     planes.append(np.append(normal, -normal @ part.origin))
                 elif part.whole:
-                    lines += [] if _on_known_locus(frame, analysis, inside) else [part]
+                    lines += [] if is_on_known_locus(frame, analysis, inside) else [part]
                 else:
                     conics.append(part)
             else:
@@ -140,7 +155,7 @@ def _isolated(
         size = _ON_LOCUS * (1.0 + float(np.abs(point).max()))
         on_plane = any(abs(complex(plane[:3] @ point + plane[3])) <= size for plane in planes)
         repeated = any(np.abs(point - other).max() <= 100.0 * size for other in kept)
-        if not (on_plane or repeated or _on_known_locus(frame, analysis, point[np.newaxis])):
+        if not (on_plane or repeated or is_on_known_locus(frame, analysis, point[np.newaxis])):
             kept.append(point)
     center = np.array(kept, dtype=complex).reshape(-1, 3)
     real = np.abs(center.imag).max(axis=1, initial=0.0) <= _ON_LOCUS * (1.0 + np.abs(center).max(axis=1, initial=0.0))
@@ -149,10 +164,7 @@ def _isolated(
         status = IsolatedStatus.POSITIVE_DIMENSIONAL
     else:
         status = IsolatedStatus.FINITE if len(center) else IsolatedStatus.NONE
-    note = (
-        f"The parallel lines leave {len(center)} of the ten points of general lines." if len(frame.point) == 4 else ""
-    )
-    return IsolatedPoints(status, note, center, real, singularity_residuals(frame.point, frame.direction, center))
+    return IsolatedPoints(status, "", center, real, singularity_residuals(frame.point, frame.direction, center))
 
 
 def _same_plane(first: Array, second: Array) -> bool:
@@ -163,7 +175,7 @@ def _in_plane(plane: Array, line: FlatSet) -> bool:
     return bool(abs(plane[:3] @ line.origin + plane[3]) <= _ON_LOCUS and abs(plane[:3] @ line.axes[0]) <= _ON_LOCUS)
 
 
-def _on_known_locus(frame: SceneFrame, analysis: TransversalAnalysis, centers: ComplexArray | Array) -> bool:
+def is_on_known_locus(frame: SceneFrame, analysis: TransversalAnalysis, centers: ComplexArray | Array) -> bool:
     """Return whether all centres (k, 3) are on one observed line or transversal, or in one plane of transversals."""
     size = _ON_LOCUS * (1.0 + np.abs(centers).max(axis=1))
     observed = np.concatenate([frame.direction, frame.moment], axis=1)

@@ -25,6 +25,8 @@ from plsing_ros.singularities.scene_frame import SceneFrame
 
 # Sines, relative singular values and scene coordinates below this are zero.
 _ZERO = 1e-9
+# Sine of directions up to which a root that is found twice is one.
+_BLURRED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +85,52 @@ def axes_of_concurrent_lines(frame: SceneFrame) -> Array | None:
     rows = _most_concurrent(frame)
     if len(rows) < 4:
         return None
-    u = frame.direction[rows]
+    return _paired_axes(frame.direction[rows])
+
+
+def axes_of_flat_loci(frame: SceneFrame) -> Array:
+    """Return the axis directions of screws that may be lost at infinitely many centres, shape (k, 3).
+
+    Such centres move along some e with P w . e = 0 for all lines: tr S = u . S u for S = e w^T + w e^T, as for
+    concurrent lines. Of lines in parallel planes, only the directions of the lines and of the normal are returned.
+
+    Args:
+        frame: The scene; no two lines are parallel.
+
+    Source: new, docs/theory.md section "Witness points".
+    """
+    found: list[Array] = [frame.direction[row] for row in range(len(frame.direction))]
+    axes = _paired_axes(frame.direction)
+    if axes is None:
+        axes = np.linalg.svd(frame.direction)[2][2:]
+    for row in range(len(axes)):
+        if all(np.linalg.norm(cross(axes[row], other)) > _BLURRED for other in found):
+            found.append(_polished(frame.direction, axes[row]))
+    return np.array(found)
+
+
+def _polished(direction: Array, axis: Array) -> Array:
+    """Return the axis w near one for which all P w are in one plane."""
+    across = axis - (direction @ axis)[:, np.newaxis] * direction
+    pair = np.array([axis, np.linalg.svd(across)[2][2]])
+    for _ in range(20):
+        w, e = pair
+        along_w, along_e = direction @ w, direction @ e
+        value = w @ e - along_w * along_e
+        if np.abs(value).max() <= 1e-15:
+            break
+        slope = np.concatenate([e - along_e[:, None] * direction, w - along_w[:, None] * direction], axis=1)
+        pair = pair - np.linalg.lstsq(slope, value, rcond=1e-10)[0].reshape(2, 3)
+        pair /= np.linalg.norm(pair, axis=1, keepdims=True)
+    polished: Array = pair[0]
+    return polished
+
+
+def _paired_axes(u: Array) -> Array | None:
+    """Return the real w for which some e has P w . e = 0 for directions u (n, 3), shape (k, 3); None if too many have.
+
+    w and e are in pairs: S = e w^T + w e^T is a symmetric matrix of rank two at most, with tr S = u . S u.
+    """
     products = u[:, [0, 1, 2, 0, 0, 1]] * u[:, [0, 1, 2, 1, 2, 2]] * [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]
     _, size, right = np.linalg.svd(products - [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     left = 6 - int((size > _ZERO).sum())

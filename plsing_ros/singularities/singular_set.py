@@ -17,18 +17,20 @@ from plsing_ros.geometry.pose import FARTHEST, checked_center
 from plsing_ros.singularities.cases import Case, classify
 from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.degenerate_scenes import distinct_rows, singular_everywhere_reason
-from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, isolated_points_of_four, no_points
+from plsing_ros.singularities.four_lines import IsolatedPoints, IsolatedStatus, no_points
 from plsing_ros.singularities.ideal_scene import ideal_scene
 from plsing_ros.singularities.isolated_points import ComplexArray
 from plsing_ros.singularities.loci import DistanceArrays, Kind, LocusDistance
 from plsing_ros.singularities.locus import Everywhere, Locus, Part, StraightPart
-from plsing_ros.singularities.many_lines import isolated_points_of_many
+from plsing_ros.singularities.many_lines import screws_of_many_lines
 from plsing_ros.singularities.near_transversals import near_transversals
 from plsing_ros.singularities.nearest_transversal import NearestTransversal, nearest_transversal
 from plsing_ros.singularities.parallel_lines import screws_of_parallel_lines
 from plsing_ros.singularities.proximity import Proximity, normal_condition, proximity
 from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
+from plsing_ros.singularities.screw_curve import ScrewCurve
+from plsing_ros.singularities.special_loci import screws_of_four_lines
 from plsing_ros.singularities.surfaces import Surface, plane_surface, three_line_cubic, transversal_surfaces
 from plsing_ros.singularities.transversals import (
     Transversal,
@@ -37,6 +39,7 @@ from plsing_ros.singularities.transversals import (
     analyze_transversals,
     finite_transversals,
     named_transversals,
+    observed_rows,
     order_of_loci,
     places_along,
 )
@@ -62,7 +65,7 @@ class SingularSet:
         isolated_points_complex: All of them, the real ones first and in the same order, shape (m, 3).
         isolated_complex_residuals: Independent residual of each of those, shape (m,).
         surfaces: Planes, quadrics and cubics that are singular as a whole.
-        curves: Straight lines and conics at which a screw is unobservable.
+        curves: Straight lines, conics and other curves at which a screw is unobservable.
         singular_everywhere: Whether every camera centre is singular.
         note: What became of the isolated points of a general scene, or why every centre is singular; empty if there is
             nothing to add.
@@ -83,7 +86,7 @@ class SingularSet:
     isolated_points_complex: ComplexArray
     isolated_complex_residuals: Array
     surfaces: tuple[Surface, ...]
-    curves: tuple[Curve, ...]
+    curves: tuple[Curve | ScrewCurve, ...]
     singular_everywhere: bool
     note: str
     frame: SceneFrame
@@ -361,26 +364,47 @@ def _singular_set_of(lines: LineSet) -> SingularSet:
         )
     reduced = frame if len(rows) == len(lines) else SceneFrame.of(lines.select(rows))
     analysis = analyze_transversals(reduced)
-    foot, direction = finite_transversals(analysis)
+    finite = finite_transversals(analysis)
+    observed = observed_rows(reduced, *finite)
+    foot, direction = (each[observed < 0] for each in finite)
+    words = _words_on_transversals(lines.select(rows), analysis, finite[1], observed)
     surfaces = transversal_surfaces(reduced, analysis)
     case = classify(reduced, analysis.family)
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[Curve | ScrewCurve, ...] = ()
     if len(rows) == 3:
         cubic = three_line_cubic(reduced)
         surfaces += (cubic,) if cubic is not None else ()
         isolated = no_points(IsolatedStatus.SURFACES)
-    elif (screws := screws_of_parallel_lines(reduced, analysis)) is not None:
+    else:
+        screws = screws_of_parallel_lines(reduced, analysis)
+        if screws is None and len(rows) == 4:
+            screws = screws_of_four_lines(reduced, analysis, surfaces)
+        elif screws is None:
+            screws = screws_of_many_lines(reduced, analysis)
         isolated, curves = screws.isolated, screws.curves
         surfaces += tuple(
             plane_surface(reduced, screws.planes[i], f"singular plane {i + 1}") for i in range(len(screws.planes))
         )
-    elif len(rows) == 4:
-        isolated = isolated_points_of_four(reduced, analysis, surfaces)
-    else:
-        isolated = isolated_points_of_many(reduced, analysis)
     residual = singularity_residuals(reduced.point, reduced.direction, places_along(foot, direction))
     transversals = named_transversals(reduced, foot, direction, residual)
+    isolated = replace(isolated, note=" ".join([isolated.note, *words]).strip())
     return _assembled(lines, reduced, case, analysis, transversals, surfaces, curves, isolated)
+
+
+def _words_on_transversals(
+    lines: LineSet, analysis: TransversalAnalysis, finite: Array, observed: npt.NDArray[np.intp]
+) -> list[str]:
+    """Return sentences on the transversals that are not listed: at infinity, and observed lines themselves."""
+    words = []
+    if len(analysis.lines) > len(finite):
+        normal = np.linalg.svd(lines.direction)[2][2]
+        normal = normal * np.sign(normal[np.abs(normal).argmax()])
+        words.append(
+            "One line that meets all of them is at infinity, where no camera gets: they are parallel to the planes "
+            f"across {vector_text(normal)}."
+        )
+    words += [f"Line {lines.ids[row]} itself meets all others." for row in observed.tolist() if row >= 0]
+    return words
 
 
 def _assembled(
@@ -390,7 +414,7 @@ def _assembled(
     analysis: TransversalAnalysis,
     transversals: tuple[Transversal, ...],
     surfaces: tuple[Surface, ...],
-    curves: tuple[Curve, ...],
+    curves: tuple[Curve | ScrewCurve, ...],
     isolated: IsolatedPoints,
 ) -> SingularSet:
     """Name and order everything that was found, and turn scene coordinates into those of the lines."""

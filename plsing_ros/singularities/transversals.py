@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from plsing_ros.arrays import Array, cross
 from plsing_ros.singularities.lapack import right_singular_vectors
@@ -81,6 +82,9 @@ _PLACES = np.array([[1.0], [-1.618]])
 # components of a direction up to which the first decides its sign.
 _TIE = 1e-5
 
+# Sine and scene lengths up to which a transversal is an observed line; a double one is known to half of the digits.
+_SAME = 1e-7
+
 _NO_LINES = np.zeros((0, 6))
 _NO_PLANES = np.zeros((0, 4))
 
@@ -129,6 +133,24 @@ def finite_transversals(analysis: TransversalAnalysis) -> tuple[Array, Array]:
     lines = np.array(scaled)
     direction = lines[:, :3]
     return cross(direction, lines[:, 3:]), direction
+
+
+def observed_rows(frame: SceneFrame, foot: Array, direction: Array) -> npt.NDArray[np.intp]:
+    """Return the row of the observed line that each of k lines is, shape (k,); -1 for none.
+
+    Args:
+        frame: The scene.
+        foot: A point on each line, scene coordinates, shape (k, 3).
+        direction: Unit directions, shape (k, 3).
+    """
+    rows = np.full(len(foot), -1)
+    for i in range(len(foot)):
+        turned = np.linalg.norm(cross(frame.direction, direction[i]), axis=1)
+        apart = np.linalg.norm(cross(frame.point - foot[i], direction[i]), axis=1)
+        same = np.flatnonzero((turned <= _SAME) & (apart <= _SAME * (1.0 + np.linalg.norm(foot[i]))))
+        if len(same):
+            rows[i] = same[0]
+    return rows
 
 
 def places_along(foot: Array, direction: Array) -> Array:

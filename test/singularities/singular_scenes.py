@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 
 from plsing_ros.features import rank_basis
 from plsing_ros.geometry import LineSet
+from plsing_ros.singularities.bilinear_system import bilinear_tensor, newton
+from plsing_ros.singularities.scene_frame import SceneFrame
 
 
 def paper_lines(s, d):
@@ -109,3 +111,18 @@ def integer_scenes(draw, n=4):
     """Integer points and directions; special positions are as likely as small integers make them."""
     vector = st.lists(integers(), min_size=3, max_size=3)
     return [draw(vector) for _ in range(n)], [draw(vector.filter(any)) for _ in range(n)]
+
+
+def singular_centers(lines, starts=300):
+    """Real finite centres on no line at which a motion is lost, found by Gauss and Newton's method from anywhere."""
+    frame = SceneFrame.of(lines)
+    generator = np.random.default_rng(0)
+    tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis]).astype(complex)
+    h, k = (generator.normal(size=(starts, size)).astype(complex) for size in (4, 6))
+    h[:, 0] = 1.0
+    h, _ = newton(tensor, np.zeros(starts, dtype=int), h, k, steps=60, small=1e-12)
+    near = np.abs(h[:, 0]) > 1e-3
+    centers = frame.from_scene((h[near, 1:] / h[near, :1]).real)
+    away = [min(map(distance_to_line, [c] * len(lines), lines.point, lines.direction)) for c in centers]
+    good = [a > 1e-3 * frame.length and min_ratio(lines, c) < 1e-9 for c, a in zip(centers, away, strict=True)]
+    return centers[np.array(good, dtype=bool)]

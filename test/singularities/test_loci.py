@@ -4,12 +4,14 @@
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 from scipy.optimize import minimize
 from singular_scenes import PAPER_FOUR, distance_to_line, line_set, min_ratio, paper_lines
 from strategies import line_sets, vectors
 
 from plsing_ros.errors import GeometryError
 from plsing_ros.features import rank_basis
+from plsing_ros.geometry import LineSet
 from plsing_ros.singularities import Kind, MotionKind, singular_set, surface_triangles, unobservable_motions
 
 SINGULAR = singular_set(line_set(PAPER_FOUR, ids=[4, 7, 9, 2]))
@@ -219,3 +221,28 @@ def test_nearest_transversal_where_no_line_comes_near():
     nearest = singular.nearest_transversal
     own = cost(np.concatenate([nearest.direction, singular.frame.to_scene(nearest.point)]))
     assert own <= min(minimize(cost, start).fun for start in starts) + 1e-9
+
+
+@settings(max_examples=10, deadline=None)
+@given(angles=st.lists(st.integers(0, 30), min_size=4, max_size=4, unique=True), height=st.floats(-3.0, 3.0))
+def test_a_transversal_at_infinity_is_said_to_be_there(angles, height):
+    """Horizontal lines are met by the line at infinity of the horizontal planes."""
+    turn = 0.1 * np.array(angles)
+    points = [[0.0, 0.0, height], [1.0, 2.0, 0.3], [-0.7, 1.1, 4.0], [2.0, -1.0, -1.5]]
+    lines = LineSet.from_points_directions(points, np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1))
+    assert "at infinity, where no camera gets: they are parallel to the planes across (0, 0, 1)" in str(
+        singular_set(lines)
+    )
+    assert "planes across" not in str(SINGULAR)
+
+
+def test_an_observed_line_is_listed_once():
+    """Spokes through an axis, and the axis: it meets them all, and is no locus beside itself."""
+    points = [[0.0, 0.0, z] for z in (0.0, 1.0, 2.0, 3.5, 0.7)]
+    directions = [[1.0, 0.3, 0.2], [-0.4, 1.0, 0.3], [0.7, -1.0, 0.1], [1.0, 1.0, -0.8]]
+    spokes = singular_set(LineSet.from_points_directions(points[:4], directions))
+    assert any(locus.distance([0.0, 0.0, 9.0]) < 1e-9 for locus in spokes.loci)
+    both = singular_set(LineSet.from_points_directions(points, [*directions, [0.0, 0.0, 1.0]]))
+    assert both.transversals == ()
+    assert "Line 5 itself meets all others." in both.description
+    assert [each.name for each in both.distances([0.0, 0.0, 9.0]) if each.distance < 1e-9] == ["line 5"]

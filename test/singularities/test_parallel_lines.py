@@ -5,11 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from singular_scenes import box_edges, distance_to_line, line_set, min_ratio
+from singular_scenes import box_edges, distance_to_line, line_set, min_ratio, singular_centers
 
 from plsing_ros.singularities import IsolatedStatus, Kind, singular_set
-from plsing_ros.singularities.bilinear_system import bilinear_tensor, newton
-from plsing_ros.singularities.scene_frame import SceneFrame
 
 X, Y, Z = np.eye(3).tolist()
 
@@ -17,21 +15,6 @@ X, Y, Z = np.eye(3).tolist()
 def edges(*numbers):
     points, directions = box_edges()
     return [points[i] for i in numbers], [directions[i] for i in numbers]
-
-
-def singular_centers(lines, starts=300):
-    """Real finite centres on no line at which a motion is lost, found by Gauss and Newton's method from anywhere."""
-    frame = SceneFrame.of(lines)
-    generator = np.random.default_rng(0)
-    tensor = bilinear_tensor(frame.direction[np.newaxis], frame.point[np.newaxis]).astype(complex)
-    h, k = (generator.normal(size=(starts, size)).astype(complex) for size in (4, 6))
-    h[:, 0] = 1.0
-    h, _ = newton(tensor, np.zeros(starts, dtype=int), h, k, steps=60, small=1e-12)
-    near = np.abs(h[:, 0]) > 1e-3
-    centers = frame.from_scene((h[near, 1:] / h[near, :1]).real)
-    away = [min(map(distance_to_line, [c] * len(lines), lines.point, lines.direction)) for c in centers]
-    good = [a > 1e-3 * frame.length and min_ratio(lines, c) < 1e-9 for c, a in zip(centers, away, strict=True)]
-    return centers[np.array(good, dtype=bool)]
 
 
 def test_many_parallel_lines_and_another():

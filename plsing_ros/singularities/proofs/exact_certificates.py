@@ -27,7 +27,7 @@ from plsing_ros.singularities.proofs.interval import Certificate
 from plsing_ros.singularities.proofs.rational_lines import RationalLines
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.singular_set import SingularSet
-from plsing_ros.singularities.transversals import TransversalFamily
+from plsing_ros.singularities.transversals import TransversalFamily, observed_rows
 
 # Four-line subsets whose axis polynomials are compared.
 _SUBSETS = 4
@@ -65,14 +65,21 @@ def everywhere_certificate(exact: RationalLines, ids: tuple[int, ...]) -> Certif
     return _failed(name, ids, "the lines are neither parallel nor concurrent, only to rounding")
 
 
+def _is_observed(line: Array, frame: SceneFrame) -> bool:
+    direction = line[:3] / np.linalg.norm(line[:3])
+    foot = np.cross(direction, line[3:] / np.linalg.norm(line[:3]))
+    return bool(observed_rows(frame, foot[np.newaxis], direction[np.newaxis])[0] >= 0)
+
+
 def _transversals(singular: SingularSet, exact: RationalLines, ids: tuple[int, ...]) -> Certificate:
     name = "what meets all lines"
     family = exact_family(exact.points, exact.directions)
     if family is not singular.family:
         return _failed(name, ids, f"{family} in exact arithmetic, but {singular.family} to rounding")
     single = exact_transversals(exact.points, exact.directions).lines if singular.transversals else ()
-    # At infinity lines are not among the found ones.
+    # Lines at infinity and observed ones are not among the found ones.
     vectors = [line for line in (_in_scene(line, singular.frame) for line in single) if line is not None]
+    vectors = [line for line in vectors if not _is_observed(line, singular.frame)]
     if len(vectors) != len(singular.transversals):
         if singular.transversals and not single:
             return Certificate(name, True, float("inf"), ids, f"Exact: {family}; the line itself was not computed.")
