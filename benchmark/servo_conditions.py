@@ -8,14 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from plsing_ros.arrays import cross
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.rotations import exponential
 
 FRAME_TIME = 1.0 / 30.0  # [s]
 FOCAL_LENGTH = 554.0  # [px]: 640 pixels in 60 degrees
 HALF_VIEW = 320.0 / FOCAL_LENGTH
 _SHORTEST = 20.0 / FOCAL_LENGTH  # of a segment's image that a tracker still finds
 _NEAREST = 0.1  # [m]
+_PLANES = np.array(
+    [[0.0, 0.0, 1.0], [1.0, 0.0, HALF_VIEW], [-1.0, 0.0, HALF_VIEW], [0.0, 1.0, HALF_VIEW], [0.0, -1.0, HALF_VIEW]]
+)
+_OFFSETS = np.array([_NEAREST, 0.0, 0.0, 0.0, 0.0])
 ROBOT_LIMITS = (0.25, 1.0)  # |v| [m/s], |omega| [rad/s]
 
 
@@ -38,6 +44,8 @@ class Condition:
         hand_turn: By how much the frame that is told to move is turned against the camera [rad].
         hand_arm: How far it is from the camera [m].
         shown: Whether targets are what was seen there, with all these errors, and not poses.
+        chain: Whether poses come from pose_estimator, and so from the images, and not from elsewhere.
+        wrong_pose: Largest constant error of poses, which nobody knows of [m]; a fifth of it in radians.
     """
 
     name: str
@@ -54,6 +62,8 @@ class Condition:
     hand_turn: float = 0.0
     hand_arm: float = 0.0
     shown: bool = False
+    chain: bool = False
+    wrong_pose: float = 0.0
 
 
 NOMINAL = Condition("nominal", 0.3, 0.003, np.radians(0.2), 1, lag=0.05, limited=True)
@@ -81,6 +91,7 @@ class ServoTask:
         crossing: Whether the straight path leads across a line that all observed lines meet.
         focal_factor: By which the true focal length is larger than what is assumed.
         T_hand_camera: Of the frame that is told to move.
+        T_camera_known: Of the poses that are known, without noise.
     """
 
     ends: np.ndarray
@@ -91,6 +102,7 @@ class ServoTask:
     crossing: bool
     focal_factor: float
     T_hand_camera: Pose
+    T_camera_known: Pose
 
     @property
     def map(self) -> LineSet:
@@ -108,62 +120,69 @@ def draw_task(rng: np.random.Generator, condition: Condition, crossing: bool) ->
     while True:
         n = int(rng.integers(4, 13))
         distance = float(rng.uniform(1.0, 4.0))
-        target = _looking(rng, distance * _direction(rng), 0.15)
+        target = looking(rng, distance * _direction(rng), 0.15)
         away = float(np.exp(rng.uniform(np.log(0.15), np.log(1.2))))
         if crossing:
             axis_point, axis, start_center = _axis_between(rng, target.translation, away)
             ends = _segments_meeting(rng, n, axis_point, axis, target.translation)
         else:
             start_center = target.translation + away * _direction(rng)
-            ends = _segments(rng, n, target.translation)
-        start = _looking(rng, start_center, 0.25)
+            ends = segments(rng, n, target.translation)
+        start = looking(rng, start_center, 0.25)
         start = Pose(
             start.rotation @ Rotation.from_rotvec([0.0, 0.0, rng.normal(0.0, 0.35)]).as_matrix(), start.translation
         )
-        if min(np.count_nonzero(view_of(ends, each)[1]) for each in (start, target)) < 4:
-            continue
-        map_ends = ends + condition.map_shift * rng.normal(size=ends.shape)
-        factor = condition.focal_length if rng.random() < 0.5 else 1.0 / condition.focal_length
-        gain = float(np.exp(rng.uniform(np.log(0.1), np.log(2.0))))
-        turn = Rotation.from_rotvec(condition.hand_turn * _direction(rng)).as_matrix()
-        hand = Pose(turn, condition.hand_arm * _direction(rng))
-        return ServoTask(ends, map_ends, start, target, gain, crossing, factor, hand)
+        if sees_enough(ends, start) and sees_enough(ends, target):
+            return completed_task(rng, condition, ends, start, target, crossing)
+
+
+def sees_enough(ends: np.ndarray, T_world_camera: Pose) -> bool:
+    """Return whether four or more segments are seen from a pose."""
+    return np.count_nonzero(view_of(ends, T_world_camera)[1]) >= 4
+
+
+def completed_task(
+    rng: np.random.Generator, condition: Condition, ends: np.ndarray, start: Pose, target: Pose, crossing: bool
+) -> ServoTask:
+    """Return a task of a scene, start and target, with the constant errors of a condition drawn."""
+    map_ends = ends + condition.map_shift * rng.normal(size=ends.shape)
+    factor = condition.focal_length if rng.random() < 0.5 else 1.0 / condition.focal_length
+    gain = float(np.exp(rng.uniform(np.log(0.1), np.log(2.0))))
+    hand = Pose(exponential(condition.hand_turn * _direction(rng))[0], condition.hand_arm * _direction(rng))
+    off = condition.wrong_pose * float(np.exp(rng.uniform(np.log(0.02), 0.0)))
+    known = Pose(exponential(0.2 * off * _direction(rng))[0], off * _direction(rng))
+    return ServoTask(ends, map_ends, start, target, gain, crossing, factor, hand, known)
 
 
 def view_of(ends: np.ndarray, T_world_camera: Pose) -> tuple[np.ndarray, np.ndarray]:
     """Return the ends of the segments' visible parts in the image, shape (n, 2, 2), and which are long enough, (n,)."""
-    R, t = T_world_camera.rotation, T_world_camera.translation
-    a, b = ((ends[:, k] - t) @ R for k in (0, 1))
-    step = b - a
-    low, high = np.zeros(len(a)), np.ones(len(a))
+    image, seen = views_of(ends, T_world_camera.rotation[np.newaxis], T_world_camera.translation[np.newaxis])
+    return image[0], seen[0]
+
+
+def views_of(ends: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what k cameras at T_world_camera = (R, t) see: as view_of, shapes (k, n, 2, 2) and (k, n)."""
+    in_camera = np.einsum("knei,kij->knej", ends - t[:, np.newaxis, np.newaxis], R)
+    a, step = in_camera[:, :, 0], in_camera[:, :, 1] - in_camera[:, :, 0]
     # Each plane of the view keeps what has c . p >= d.
-    for c, d in (
-        ((0.0, 0.0, 1.0), _NEAREST),
-        ((1.0, 0.0, HALF_VIEW), 0.0),
-        ((-1.0, 0.0, HALF_VIEW), 0.0),
-        ((0.0, 1.0, HALF_VIEW), 0.0),
-        ((0.0, -1.0, HALF_VIEW), 0.0),
-    ):
-        start, slope = a @ np.array(c) - d, step @ np.array(c)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            crossing = -start / slope
-        low = np.where(slope > 0.0, np.maximum(low, crossing), low)
-        high = np.where(slope < 0.0, np.minimum(high, crossing), high)
-        high = np.where((slope == 0.0) & (start < 0.0), -1.0, high)
-    good = high > low
-    low, high = np.where(good, low, 0.0)[:, np.newaxis], np.where(good, high, 1.0)[:, np.newaxis]
-    points = np.stack([a + low * step, a + high * step], axis=1)
-    depth = np.where(good[:, np.newaxis, np.newaxis], points[..., 2:], 1.0)
+    start, slope = a @ _PLANES.T - _OFFSETS, step @ _PLANES.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = -start / slope
+    low = np.where(slope > 0.0, crossing, 0.0).max(axis=2, initial=0.0)
+    high = np.where(slope < 0.0, crossing, 1.0).min(axis=2, initial=1.0)
+    good = (high > low) & ~((slope == 0.0) & (start < 0.0)).any(axis=2)
+    low, high = np.where(good, low, 0.0)[..., np.newaxis], np.where(good, high, 1.0)[..., np.newaxis]
+    points = np.stack([a + low * step, a + high * step], axis=2)
+    depth = np.where(good[..., np.newaxis, np.newaxis], points[..., 2:], 1.0)
     image = points[..., :2] / depth
-    length = np.linalg.norm(image[:, 1] - image[:, 0], axis=1)
+    length = np.linalg.norm(image[:, :, 1] - image[:, :, 0], axis=2)
     return image, good & (length >= _SHORTEST)
 
 
 def image_lines(points: np.ndarray) -> np.ndarray:
     """Return the oriented image lines, shape (n, 3), through points (n, 2, 2): as those of lines directed likewise."""
-    one = np.ones((len(points), 1))
-    normal = np.cross(np.hstack([points[:, 0], one]), np.hstack([points[:, 1], one]))
-    lines: np.ndarray = normal / np.hypot(normal[:, 0], normal[:, 1])[:, np.newaxis]
+    (x, y), (dx, dy) = points[:, 0].T, (points[:, 1] - points[:, 0]).T
+    lines: np.ndarray = np.stack([-dy, dx, x * dy - y * dx], axis=1) / np.hypot(dx, dy)[:, np.newaxis]
     return lines
 
 
@@ -195,7 +214,7 @@ class Frame:
 
 
 class Camera:
-    """Takes frames of a task in a condition."""
+    """Takes frames of a task in a condition; of several cameras at once with the same errors for all."""
 
     def __init__(self, task: ServoTask, condition: Condition, rng: np.random.Generator) -> None:
         self._task, self._condition, self._rng = task, condition, rng
@@ -203,12 +222,18 @@ class Camera:
 
     def image(self, T_world_camera: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return image lines (n, 3), covariances (n, 3) and which are seen (n,), as wrong as the condition says."""
-        points, seen = view_of(self._task.ends, T_world_camera)
+        R, t = T_world_camera.rotation[np.newaxis], T_world_camera.translation[np.newaxis]
+        lines, covariances, seen = self.images(R, t)
+        return lines[0], covariances[0], seen[0]
+
+    def images(self, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the same of cameras at T_world_camera = (R, t), shapes (k, 3, 3) and (k, 3)."""
+        points, seen = views_of(self._task.ends, R, t)
         deviation = max(self._condition.pixels, 0.02) / FOCAL_LENGTH
         if self._condition.pixels:
-            points = points + self._condition.pixels / FOCAL_LENGTH * self._rng.normal(size=points.shape)
+            points = points + self._condition.pixels / FOCAL_LENGTH * self._rng.normal(size=points.shape[1:])
         points = points * self._task.focal_factor
-        lines, covariances = np.zeros((len(points), 3)), np.zeros((len(points), 3))
+        lines, covariances = np.zeros((*seen.shape, 3)), np.zeros((*seen.shape, 3))
         if seen.any():
             lines[seen] = image_lines(points[seen])
             covariances[seen] = line_covariances(points[seen], deviation)
@@ -216,13 +241,21 @@ class Camera:
 
     def pose(self, T_world_camera: Pose) -> tuple[Pose, np.ndarray]:
         """Return the pose as it is known without a filter, and its covariance."""
+        return T_world_camera @ self.pose_error(), self.pose_covariance
+
+    def pose_error(self) -> Pose:
+        """Return T_camera_known of a frame."""
         condition = self._condition
         shift, turn = condition.position * self._rng.normal(size=3), condition.rotation * self._rng.normal(size=3)
-        known = Pose(
-            T_world_camera.rotation @ Rotation.from_rotvec(turn).as_matrix(), T_world_camera.translation + shift
-        )
+        return self._task.T_camera_known @ Pose(exponential(turn)[0], shift)
+
+    @property
+    def pose_covariance(self) -> np.ndarray:
+        """Of a pose that is known without a filter, as it is said to be, shape (6, 6)."""
+        condition = self._condition
         deviation = np.repeat([max(condition.position, 1e-4), max(condition.rotation, 1e-4)], 3)
-        return known, np.diag(deviation**2)
+        covariance: np.ndarray = np.diag(deviation**2)
+        return covariance
 
     def frame(self, T_world_camera: Pose) -> Frame:
         """Return a frame with a pose that is known without a filter."""
@@ -232,9 +265,10 @@ class Camera:
         self, lines: np.ndarray, covariances: np.ndarray, seen: np.ndarray, pose: Pose, covariance: np.ndarray
     ) -> Frame:
         """Return a frame of image lines with the 3-D lines of the map as seen from a pose."""
-        in_camera = self._map.transformed(pose.inverse(), "camera")
+        R, t = pose.rotation, pose.translation
+        u = self._map.direction
         observation = LineObservation.from_rows(
-            self._map.ids, lines, in_camera.direction, in_camera.moment, seen, "camera", covariances
+            self._map.ids, lines, u @ R, (self._map.moment - cross(t[np.newaxis], u)) @ R, seen, "camera", covariances
         )
         return Frame(observation, pose, covariance)
 
@@ -246,7 +280,7 @@ def _direction(rng: np.random.Generator) -> np.ndarray:
             return vector / size
 
 
-def _looking(rng: np.random.Generator, center: np.ndarray, tilt: float) -> Pose:
+def looking(rng: np.random.Generator, center: np.ndarray, tilt: float) -> Pose:
     """Return a camera at a place that looks about where the scene is, at the origin."""
     down = _direction(rng)
     z = -center / np.linalg.norm(center)
@@ -268,7 +302,7 @@ def _axis_between(
     return point, axis, target + away * side
 
 
-def _segments(rng: np.random.Generator, n: int, viewer: np.ndarray) -> np.ndarray:
+def segments(rng: np.random.Generator, n: int, viewer: np.ndarray) -> np.ndarray:
     """Return segments about the origin, shape (n, 2, 3)."""
     reach = 0.45 * float(np.linalg.norm(viewer))
     middle = rng.uniform(-reach, reach, (n, 3))
