@@ -16,6 +16,7 @@ from plsing_ros.parameters import ControllerParameters
 from plsing_ros.planning.camera_path import SpeedLimits
 from plsing_ros.planning.detour import DetourOptions, Plan, plan_path
 from plsing_ros.planning.path_follower import PathFollower, Reference
+from plsing_ros.planning.planner import Answer, Planner, PlanNow
 from plsing_ros.singularities.scene_loci import SceneLoci
 
 _SECOND = 1_000_000_000
@@ -36,7 +37,9 @@ class PathTracker:
         plan: The plan in force, or None before the first observation.
     """
 
-    def __init__(self, loci: SceneLoci, T_world_target: Pose, lines_target: LineSet) -> None:
+    def __init__(
+        self, loci: SceneLoci, T_world_target: Pose, lines_target: LineSet, planner: Planner | None = None
+    ) -> None:
         """Begin without a plan.
 
         Args:
@@ -45,8 +48,12 @@ class PathTracker:
             lines_target: What is seen from there, in the camera frame there. The path is followed by the images of
                 these lines and not of the scene's, so that it ends where they are seen, also where they do not fit the
                 scene.
+            planner: Who makes the plans; None: they are made when they are needed, and waited for.
         """
         self.plan: Plan | None = None
+        self._planner = planner or PlanNow()
+        # A plan that is being made, and from where.
+        self._planning: tuple[Answer, Pose] | None = None
         self._loci = loci
         self._target = T_world_target
         self._lines = lines_target.transformed(T_world_target, loci.lines.frame)
@@ -66,7 +73,7 @@ class PathTracker:
     def reference(
         self, parameters: ControllerParameters, seen: LineSet, image: Array, stamp: int, factor: float
     ) -> tuple[Reference, Pose] | None:
-        """Return what the path asks for now and where the camera is, or None if the plan says not to go.
+        """Return what the path asks for now and where the camera is, or None if the plan says not to go or is not made.
 
         Args:
             parameters: How to plan.
@@ -84,12 +91,13 @@ class PathTracker:
             raise ObservationError(
                 "the observed lines do not fit the scene, so the camera's place on the path is unknown"
             )
-        if self.plan is None or self._is_to_replan(pose, seen.ids, image, stamp, parameters.detour_replan_distance):
-            self.plan = plan_path(self._loci.singular_set, pose, self._target, detour_options(parameters))
-            path = self.plan.path
-            self._follower = None if path is None else PathFollower(path, self._lines)
-            self._expected = pose
-            self._stamp = stamp
+        if self._planning is None and (
+            self.plan is None or self._is_to_replan(pose, seen.ids, image, stamp, parameters.detour_replan_distance)
+        ):
+            options = detour_options(parameters)
+            self._planning = self._planner.ask(plan_path, self._loci.singular_set, pose, self._target, options), pose
+        if self._planning is not None and not self._take_plan(stamp):
+            return None
         if self._follower is None:
             return None
         self._follower.advance(factor * min((stamp - self._stamp) / _SECOND, _LONGEST_STEP))
@@ -97,6 +105,31 @@ class PathTracker:
         reference = self._follower.reference()
         self._expected = reference.T_world_camera
         return reference, pose
+
+    @property
+    def is_planning(self) -> bool:
+        """Whether a plan is being made: nothing should move meanwhile."""
+        return self._planning is not None
+
+    def _take_plan(self, stamp: int) -> bool:
+        """Put the plan in force that was asked for, if it is ready.
+
+        Raises:
+            ObservationError: If it could not be made; it is asked for again at the next frame.
+        """
+        assert self._planning is not None
+        answer, start = self._planning
+        try:
+            plan = answer.result()
+        except ObservationError:
+            self._planning = None
+            raise
+        if plan is None:
+            return False
+        self._planning, self.plan = None, plan
+        self._follower = None if plan.path is None else PathFollower(plan.path, self._lines)
+        self._expected, self._stamp = start, stamp
+        return True
 
     def _camera_pose(self, parameters: ControllerParameters, seen: LineSet) -> Pose | None:
         """Return T_world_camera by lines of the right scale.
