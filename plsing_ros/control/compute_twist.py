@@ -82,7 +82,7 @@ def compute_twist(
     columns = parameters.columns
     gain = law_gain(parameters, error)
     current = interaction if len(columns) == 6 else interaction[:, columns]
-    inverted = _inverted(parameters, current, image, view)
+    inverted = inverted_matrix(parameters, current, image, view)
     solution = solve_least_squares(
         inverted, error if integral is None else error + integral, -gain, parameters.pinv_threshold
     )
@@ -115,9 +115,26 @@ def _damped(
         wanted: By the pose, gain included, shape (m,), or None.
         view: The target.
     """
-    values, threshold = solution.singular_values, parameters.pinv_threshold
-    reference = _reference(values, view)
+    values = solution.singular_values
+    factors, damping = law_factors(parameters, values, view)
+    amplitudes = factors * solution.components
+    if wanted is not None:
+        amplitudes += pose_shares(values, factors) * (solution.right @ wanted)
+    return amplitudes @ solution.right, damping
+
+
+def law_factors(parameters: ControllerParameters, values: Array, view: TargetView) -> tuple[Array, float]:
+    """Return what a law multiplies the image's word along each singular direction with, and the smallest one's damping.
+
+    Args:
+        parameters: The law and its options; what guarded limits afterwards is as for pinv.
+        values: Singular values, largest first, shape (m,).
+        view: The target.
+    """
+    threshold, reference = parameters.pinv_threshold, _reference(values, view)
     each: float | Array
+    if parameters.law in ("pinv", "guarded"):
+        return pinv_factors(values, threshold), 0.0
     if parameters.law == "dls":
         each = damping = parameters.damping * reference
     elif parameters.law == "adaptive_dls":
@@ -125,11 +142,7 @@ def _damped(
         damping = float(each[-1])
     else:
         each = damping = parameters.detour_pose_onset
-    factors = dls_factors(values, threshold, each)
-    amplitudes = factors * solution.components
-    if wanted is not None:
-        amplitudes += pose_shares(values, factors) * (solution.right @ wanted)
-    return amplitudes @ solution.right, damping
+    return dls_factors(values, threshold, each), damping
 
 
 def _guarded(
@@ -153,7 +166,12 @@ def _guarded(
     return limited @ solution.right, smallest / onset
 
 
-def _inverted(parameters: ControllerParameters, current: Array, image: Array, view: TargetView) -> Array:
+def inverted_matrix(parameters: ControllerParameters, current: Array, image: Array, view: TargetView) -> Array:
+    """Return the L that is inverted: the current one, the target's, or the mean of both.
+
+    Raises:
+        ObservationError: If the law needs L at the target, which is not known.
+    """
     which = parameters.interaction
     if which == "auto":
         which = _AUTO.get(parameters.law, "current") if view.interaction is not None else "current"

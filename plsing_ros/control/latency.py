@@ -11,13 +11,31 @@ from plsing_ros.arrays import Array
 from plsing_ros.features import project_lines
 from plsing_ros.features.projection import have_images
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.rotations import exponential
 
 _SECOND = 1_000_000_000
 # More twists are never under way at once.
 _MOST_TWISTS = 4096
-# After a longer gap a twist is taken to have been held for this long [s]: the robot's own timeout is not known.
-_LONGEST_HOLD = 0.2
+# After a longer gap a twist is taken to have been held for this long [ns]: the robot's own timeout is not known.
+_LONGEST_HOLD = 200_000_000
 _HERE = Pose(np.eye(3), np.zeros(3))
+
+
+class _Sent:
+    """A twist that was sent, with the motion of the time that it was asked for last."""
+
+    def __init__(self, stamp: int, twist: Array) -> None:
+        self.stamp = stamp
+        self._twist = twist
+        self._held = -1
+
+    def motion(self, held: int) -> tuple[Array, Array]:
+        """Return rotation and translation of the camera after it was held for so long [ns]."""
+        if held != self._held:
+            seconds = held / _SECOND
+            rotation, mean = exponential(seconds * self._twist[3:])
+            self._held, self._motion = held, (rotation, mean @ (seconds * self._twist[:3]))
+        return self._motion
 
 
 class LookAhead:
@@ -30,7 +48,7 @@ class LookAhead:
     """
 
     def __init__(self) -> None:
-        self._sent: deque[tuple[int, Array]] = deque(maxlen=_MOST_TWISTS)
+        self._sent: deque[_Sent] = deque(maxlen=_MOST_TWISTS)
 
     def clear(self) -> None:
         """Take note that the robot stands still."""
@@ -38,9 +56,9 @@ class LookAhead:
 
     def sent(self, twist: Array, stamp: int) -> None:
         """Take note of a twist (6,) of the camera that answers an image of that stamp [ns]."""
-        if self._sent and self._sent[-1][0] >= stamp:
+        if self._sent and self._sent[-1].stamp >= stamp:
             self._sent.pop()
-        self._sent.append((stamp, twist))
+        self._sent.append(_Sent(stamp, twist))
 
     def motion(self, stamp: int, latency: float) -> Pose:
         """Return T_now_then: where the camera is when it begins to move by an image, seen from where it took it.
@@ -50,15 +68,17 @@ class LookAhead:
             latency: [s].
         """
         start = stamp - round(latency * _SECOND)
-        while len(self._sent) > 1 and self._sent[1][0] <= start:
+        while len(self._sent) > 1 and self._sent[1].stamp <= start:
             self._sent.popleft()
-        T_now_then, entries = _HERE, list(self._sent)
-        ends = [*(each[0] for each in entries[1:]), stamp] if entries else []
-        for (begin, twist), end in zip(entries, ends, strict=True):
-            seconds = (min(end, stamp) - max(begin, start)) / _SECOND
-            if seconds > 0.0:
-                T_now_then = T_now_then.integrate(twist, min(seconds, _LONGEST_HOLD))
-        return T_now_then
+        entries = list(self._sent)
+        ends = [*(each.stamp for each in entries[1:]), stamp] if entries else []
+        R, t = _HERE.rotation, _HERE.translation
+        for entry, end in zip(entries, ends, strict=True):
+            held = min(end, stamp) - max(entry.stamp, start)
+            if held > 0:
+                turned, moved = entry.motion(min(held, _LONGEST_HOLD))
+                R, t = R @ turned, t + R @ moved
+        return Pose(R, t) if R is not _HERE.rotation else _HERE
 
     def ahead(self, lines: LineSet, image: Array, stamp: int, latency: float) -> tuple[LineSet, Array]:
         """Return lines and image lines as they will be then; as they are where one of them would have no image.

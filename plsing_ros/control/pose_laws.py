@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,14 +11,23 @@ import numpy as np
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import image_depth, interaction_matrix, project_lines
+from plsing_ros.features.projection import have_images
 from plsing_ros.features.target import Target
-from plsing_ros.geometry import LineSet, align_lines
+from plsing_ros.geometry import LineSet, Pose, align_lines
 from plsing_ros.geometry.rotations import exponential, rotation_vector
 
-# A share of each frame in what is known of the errors: ten frames or so are remembered.
-_MEMORY = 0.1
+# A share of each frame in what is known of the errors: twenty frames or so are remembered.
+_MEMORY = 0.05
 # Image lines that differ less from those of their 3-D lines were computed from them.
 _EXACT = 1e-9
+# A pose is doubted when the image explains more than this times what its covariance allows.
+_DOUBTFUL = 2.0
+# Degrees of freedom of a pose.
+_OF_A_POSE = 6.0
+# Steps to where a doubted pose is corrected to: the first is only right for a small correction.
+_STEPS = 3
+# A displacement of fewer standard deviations of what is doubtful is not gone.
+_DEVIATIONS = 2.0
 
 
 class Displacement(NamedTuple):
@@ -26,11 +36,23 @@ class Displacement(NamedTuple):
     Attributes:
         twist: That leads from the target to the camera in unit time, straight and about one axis, in the camera frame,
             shape (6,) [m, rad].
-        covariance: Of it, shape (6, 6).
+        covariance: Returns the covariance of it by the errors of one frame, shape (6, 6).
     """
 
     twist: Array
+    covariance: Callable[[], Array]
+
+
+class PoseErrors(NamedTuple):
+    """How far the pose that 3-D lines stand for may be off.
+
+    Attributes:
+        covariance: In one frame, in the camera's axes, shape (6, 6).
+        independent: Whether the errors of one frame are independent of the next one's; those of a filter are not.
+    """
+
     covariance: Array
+    independent: bool
 
 
 class PoseLaws:
@@ -53,8 +75,9 @@ class PoseLaws:
         self._seen_there = target.lines
         self._taught: Array = np.zeros(0)
         self._computed = False
-        # What was seen lately, over what is said: of the image's errors, and of the pose's.
-        self._noise = self._doubt = 1.0
+        self._shown: Array | None = None
+        # What was seen lately, over what is said: of the image's errors, and of the pose's; None before the first.
+        self._noise, self._doubt = 1.0, -1.0
 
     def by_pose(self, lines: LineSet, covariance: Array) -> Displacement:
         """Return the displacement by 3-D lines alone.
@@ -75,10 +98,10 @@ class PoseLaws:
             raise ObservationError(f"where the camera is relative to the target is not known: {error}") from None
         rotation = T_target_camera.rotation
         twist = np.concatenate([rotation.T @ T_target_camera.translation, rotation_vector(rotation)])
-        return Displacement(twist, covariance)
+        return Displacement(twist, lambda: covariance)
 
     def by_pose_and_image(
-        self, lines: LineSet, image: Array, covariance: Array, image_covariances: Array, map_std: float
+        self, lines: LineSet, image: Array, pose: PoseErrors, own: Array, map_std: float, averaged: float
     ) -> Displacement:
         """Return the displacement by 3-D lines and image, each weighted by its covariance.
 
@@ -88,42 +111,102 @@ class PoseLaws:
 
             delta = argmin |r - J delta|^2 / R + |delta|^2 / P.
 
-        R and P grow to what was seen lately where r contradicts them: what the best pose leaves of r speaks against R,
-        what a pose explains beyond P against P. A target that was not shown but computed from the map has none of its
-        errors: there R holds the map's, too.
+        The errors of one frame are averaged by the camera's motion, those of the map and of the frame that showed the
+        target are not: R and P are the sums of what is left of either. A pose that the image contradicts beyond its
+        covariance is doubted: P grows, and motions that only such a pose asks for are not made.
 
         Args:
             lines: As for by_pose.
             image: Image lines, shape (3n,).
-            covariance: Of the pose, P, shape (6, 6).
-            image_covariances: Of angle [rad] and offset of each image line: (angle angle, angle offset, offset offset),
-                shape (n, 3) or (3,).
-            map_std: Of a line in the map [m].
+            pose: Errors of the pose that the 3-D lines stand for.
+            own: Covariances in one frame of angle [rad] and offset of each image line: (angle angle, angle offset,
+                offset offset), shape (n, 3) or (3,).
+            map_std: Of a line in the map [m]; for a target that was not shown but computed from the map.
+            averaged: What the motion leaves of the variance of errors that are independent from frame to frame, in
+                (0, 1].
 
         Raises:
             ObservationError: As by_pose.
 
         Source: new, docs/laws.md.
         """
-        pose = self.by_pose(lines, covariance)
-        there = project_lines(lines)
-        J, r = polar(interaction_matrix(lines), there), mismatch(image, lines) - self._taught
-        own = np.broadcast_to(image_covariances, (len(lines), 3))
+        P, told = pose.covariance, self.by_pose(lines, pose.covariance)
+        if self._computed and not pose.independent:
+            # A filter has weighed the image already, and so has the map from which the target is.
+            return told
+        own = np.broadcast_to(own, (len(lines), 3))
+        lasting = self._lasting(lines, own, map_std)
+        shown = 0.0 if self._computed else 1.0
+        J, r = self._seen_error(lines, image)
+        doubt = self._update(_whitened(J, own + lasting), _whitened(r[:, np.newaxis], own + lasting)[:, 0], P, shown)
+        weights = averaged * own + lasting * self._noise
+        believed = ((averaged if pose.independent else 1.0) + shown) * P
+        if doubt == 0.0:
+            information, pull = _information(J, r, weights)
+            information = information + np.linalg.inv(believed)
+            delta = np.linalg.solve(information, pull)
+            return Displacement(_composed(told.twist, delta), lambda: _propagated(J, weights, information, own, P))
+        feared = believed + doubt * (1.0 + shown) * P
+        twist = self._doubted(lines, image, told.twist, weights, believed, feared)
+        return Displacement(
+            twist, lambda: _propagated(J, weights, _information(J, r, weights)[0] + np.linalg.inv(feared), own, feared)
+        )
+
+    def _doubted(
+        self, lines: LineSet, image: Array, told: Array, weights: Array, believed: Array, feared: Array
+    ) -> Array:
+        """Return the twist of the displacement with a pose that may be far off, as far as it is sure.
+
+        Args:
+            lines, image: As for by_pose_and_image.
+            told: By the pose, shape (6,).
+            weights: Covariances of image lines that matter.
+            believed: Of the pose, as it says.
+            feared: Of the pose, as the image says.
+        """
+        delta, there, known = np.zeros(6), lines, np.linalg.inv(feared)
+        for _ in range(_STEPS):
+            J, r = self._seen_error(there, image)
+            normal, pull = _information(J, r + J @ delta, weights)
+            delta = np.linalg.solve(normal + known, pull)
+            moved = lines.transformed(Pose(exponential(delta[3:])[0], _shift(delta)).inverse(), lines.frame)
+            if not have_images(moved):
+                break
+            there = moved
+        covariance = np.linalg.inv(normal + known)
+        twist = _composed(told, delta)
+        # What the doubt adds is what must not be gone by.
+        doubtful, axes = np.linalg.eigh(covariance - np.linalg.inv(normal + np.linalg.inv(believed)))
+        along = axes.T @ twist
+        share = 1.0 - np.minimum(_DEVIATIONS**2 * np.maximum(doubtful, 0.0) / np.maximum(along**2, 1e-30), 1.0)
+        gone: Array = axes @ (share * along)
+        return gone
+
+    def _seen_error(self, lines: LineSet, image: Array) -> tuple[Array, Array]:
+        """Return J, shape (2n, 6), and r, shape (2n,)."""
+        return polar(interaction_matrix(lines), project_lines(lines)), mismatch(image, lines) - self._taught
+
+    def _lasting(self, lines: LineSet, own: Array, map_std: float) -> Array:
+        """Return the covariances of errors of image lines that are the same in all frames, shape (n, 3)."""
         if self._computed:
-            own = own + np.square(map_std / image_depth(lines))[:, np.newaxis] * (1.0, 0.0, 1.0)
-        J, r = _whitened(J, own), _whitened(r[:, np.newaxis], own)[:, 0]
+            lasting: Array = np.square(map_std / image_depth(lines))[:, np.newaxis] * (1.0, 0.0, 1.0)
+            return lasting
+        return own if self._shown is None else self._shown
+
+    def _update(self, J: Array, r: Array, pose: Array, shown: float) -> float:
+        """Learn from whitened J and r how large the errors are, and return by how much the pose is doubted.
+
+        What the best pose leaves of r speaks against the image, what a pose explains beyond its covariance against it.
+        """
         normal, right, square = J.T @ J, J.T @ r, float(r @ r)
-        known = np.linalg.inv(covariance)
+        known = np.linalg.inv((1.0 + shown) * pose)
         left = square - float(right @ np.linalg.solve(normal + 1e-6 * known, right))
         explained = square - float(right @ np.linalg.solve(normal + known, right)) - left
-        self._noise += _MEMORY * (left / max(len(r) - 6, 1) - self._noise)
-        noise = max(1.0, self._noise)
-        # Six degrees of freedom are the pose's.
-        self._doubt += _MEMORY * (explained / (6.0 * noise) - self._doubt)
-        known = known / max(1.0, self._doubt)
-        information = normal / noise + known
-        delta = np.asarray(np.linalg.solve(information, right / noise), dtype=float)
-        return Displacement(_composed(pose.twist, delta), np.linalg.inv(information))
+        seen = left / max(len(r) - _OF_A_POSE, 1.0)
+        self._noise = max(1.0, self._noise + _MEMORY * (seen - self._noise))
+        excess = explained / (_OF_A_POSE * self._noise)
+        self._doubt = excess if self._doubt < 0.0 else self._doubt + _MEMORY * (excess - self._doubt)
+        return _OF_A_POSE * max(0.0, self._doubt - _DOUBTFUL)
 
     def _look_at(self, ids: tuple[int, ...]) -> None:
         if ids == self._ids:
@@ -134,6 +217,8 @@ class PoseLaws:
         image = self._target.observation.usable_image_lines[rows].ravel()
         self._taught = mismatch(image, self._seen_there)
         self._computed = bool(np.abs(self._taught).max() < _EXACT)
+        known = self._target.observation.usable_covariances
+        self._shown = None if known is None else known[rows]
 
 
 def mismatch(image: Array, lines: LineSet) -> Array:
@@ -168,9 +253,45 @@ def _whitened(rows: Array, covariances: Array) -> Array:
     return np.stack([angle, (rows[1::2] - mixed * angle) / second], axis=1).reshape(rows.shape)
 
 
+def _information(J: Array, r: Array, covariances: Array) -> tuple[Array, Array]:
+    """Return J^T R^-1 J and J^T R^-1 r."""
+    J, r = _whitened(J, covariances), _whitened(r[:, np.newaxis], covariances)[:, 0]
+    return J.T @ J, J.T @ r
+
+
+def _propagated(J: Array, weights: Array, information: Array, own: Array, pose: Array) -> Array:
+    """Return the covariance of delta and pose together, by the errors of one frame.
+
+    Args:
+        J: Shape (2n, 6).
+        weights: Covariances of image lines that the weighing took, shape (n, 3).
+        information: J^T weights^-1 J + what it took for the pose, shape (6, 6).
+        own, pose: Covariances of image lines (n, 3) and pose (6, 6) in one frame.
+    """
+    n = len(weights)
+    # K = information^-1 J^T weights^-1, two columns a line.
+    root = np.linalg.cholesky(_matrices(own))
+    pulled = np.linalg.solve(_matrices(weights), J.reshape(n, 2, 6))
+    by_image = np.linalg.solve(information, np.einsum("nai,nab->inb", pulled, root).reshape(6, -1))
+    left = np.eye(6) - np.linalg.solve(information, np.einsum("nai,naj->ij", pulled, J.reshape(n, 2, 6)))
+    covariance: Array = by_image @ by_image.T + left @ pose @ left.T
+    return covariance
+
+
+def _matrices(covariances: Array) -> Array:
+    """Return covariances of angle and offset, (n, 3), as matrices (n, 2, 2)."""
+    return covariances[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+def _shift(twist: Array) -> Array:
+    """Return the translation of exp(twist), shape (3,)."""
+    shift: Array = exponential(twist[3:])[1] @ twist[:3]
+    return shift
+
+
 def _composed(first: Array, second: Array) -> Array:
     """Return the displacement of two after each other: the second is seen from where the first has led."""
-    rotation, turned = exponential(first[3:])[0], exponential(second[3:])
+    rotation, turned = exponential(first[3:])[0], exponential(second[3:])[0]
     # The shift of the first is in the frame that it leads to.
-    shift = turned[0].T @ (first[:3] + turned[1] @ second[:3])
-    return np.concatenate([shift, rotation_vector(rotation @ turned[0])])
+    shift = turned.T @ (first[:3] + _shift(second))
+    return np.concatenate([shift, rotation_vector(rotation @ turned)])

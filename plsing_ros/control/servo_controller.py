@@ -7,29 +7,41 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command, Mode
 from plsing_ros.control.gate import StatusGate
 from plsing_ros.control.gate_exit import leave
+from plsing_ros.control.pose_laws import PoseErrors
 from plsing_ros.control.servo_cycle import ServoCycle
-from plsing_ros.errors import ObservationError, PlsingError
+from plsing_ros.errors import GeometryError, ObservationError, PlsingError
 from plsing_ros.features import LineObservation, LinesVerdict, checked_observation
 from plsing_ros.features.consistency import ConsistencyCheck
 from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.geometry.line_alignment import matched
 from plsing_ros.levels import Level
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.parameters.options import parameters_from_options, pose_options
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_tracker import detour_options
+from plsing_ros.planning.planner import Planner
 from plsing_ros.planning.target_check import TargetCheck, check_target
 from plsing_ros.pose import PoseEstimator, lift_lines
 from plsing_ros.pose.line_lifting import lift_lines_at
+from plsing_ros.pose.received_poses import ReceivedPose, ReceivedPoses
 from plsing_ros.singularities.scene_loci import SceneLoci
 from plsing_ros.stamp_filter import StampFilter, stamp_from_seconds
 
 __all__ = ["MINIMUM_LINES", "Command", "Mode", "ServoController"]
 
+# A variance that is not known any more: beyond every speed, and finite.
+_ANY = 1e100
+# 3-D lines that differ less from those at a pose were computed from it [m], [1].
+_SAME = 1e-4
+# Laws that ask how far the pose may be off.
+_BY_POSE = ("detour", "position", "fused")
 _DISABLED = "switched off: by ~/enable, or by the parameter enabled at the start"
 
 
@@ -49,6 +61,7 @@ class ServoController:
     Attributes:
         gate: Takes the monitor's statuses; asked where the parameter gate says so.
         warning: What is doubtful about target and parameters, in words, or "".
+        unchecked: What could not be checked about the latest features, in words, or "".
     """
 
     def __init__(
@@ -64,14 +77,15 @@ class ServoController:
             self.set_target(target)
 
     @classmethod
-    def from_parameters(cls, parameters: ControllerParameters) -> ServoController:
-        """Return a controller with the parameters of a node."""
+    def from_parameters(cls, parameters: ControllerParameters, planner: Planner | None = None) -> ServoController:
+        """Return a controller with the parameters of a node, whose paths are planned by a planner or else at once."""
         controller = cls.__new__(cls)
-        controller._start(parameters)
+        controller._start(parameters, planner)
         return controller
 
-    def _start(self, parameters: ControllerParameters) -> None:
-        self.warning = ""
+    def _start(self, parameters: ControllerParameters, planner: Planner | None = None) -> None:
+        self._planner = planner
+        self.warning = self.unchecked = ""
         self._enabled = parameters.enabled
         self._target: Target | None = None
         self._cycle: ServoCycle | None = None
@@ -79,6 +93,7 @@ class ServoController:
         self._loci: SceneLoci | None = None
         self._check = ConsistencyCheck(None)
         self._seen: LineSet | None = None
+        self._poses = ReceivedPoses()
         self._estimator: PoseEstimator | None = None
         self._stamp_filter = StampFilter(
             "features", parameters.features_timeout, parameters.future_tolerance, "features_timeout"
@@ -166,8 +181,13 @@ class ServoController:
             self._cycle.retarget(self._target, self._target_pose(self._target))
         self._check_target()
 
+    def compute_loci(self) -> None:
+        """Compute the scene's singular set now, and not when a cycle needs it."""
+        if self._loci is not None:
+            _ = self._loci.singular_set
+
     def check_target(self, target: Pose, start: Pose | None) -> TargetCheck:
-        """Return what detour would do about a target.
+        """Return what detour would do about a target; it takes as long as a plan.
 
         Args:
             target: T_world_camera there.
@@ -193,10 +213,12 @@ class ServoController:
             observation: What the camera sees. Image lines alone are lifted to 3-D lines: by the pose, else by the pose
                 that they show themselves.
             time: Of the observation [s], from any origin.
-            pose: T_world_camera at that time, if it is known.
+            pose: T_world_camera at that time, if it is known: 3-D lines that contradict it halt.
         """
         try:
             stamp = stamp_from_seconds(time)
+            if pose is not None:
+                self.receive_pose(pose, stamp)
             return self.answer(self._lifted(checked_observation(observation), pose), stamp, stamp)
         except PlsingError as error:
             return self.halt(str(error))
@@ -213,7 +235,10 @@ class ServoController:
         estimate = self._estimator.estimate(observation)
         verdict = LinesVerdict[estimate.verdict.name] if estimate.T_world_camera is not None else LinesVerdict.GIVEN
         return replace(
-            lift_lines(self._loci.lines, estimate, observation), verdict=verdict, verdict_reason=estimate.reason
+            lift_lines(self._loci.lines, estimate, observation),
+            verdict=verdict,
+            verdict_reason=estimate.reason,
+            lines_source=estimate.source,
         )
 
     def answer(self, observation: LineObservation, stamp: int, now: int) -> Command:
@@ -237,7 +262,9 @@ class ServoController:
         if command is not None or cycle is None:
             self._pause()
             return command or Command(Mode.WAITING, "no target: no desired features received yet")
-        problem = self._check.contradiction(observation)
+        told = self._poses.at(stamp, 0.0)
+        self.unchecked = self._check.unchecked(observation)
+        problem = self._check.contradiction(observation, None if told is None else told.T_world_camera)
         if problem is not None:
             return self.halt(problem)
         closed = self._closed(now)
@@ -247,12 +274,38 @@ class ServoController:
         lines, image = _common(observation, cycle.target)
         self._seen = lines
         trust = parameters.slow_scale if reaction == "slow" else 1.0
-        command = cycle.command(lines, image, trust, stamp, _covariances(observation, lines.ids))
+        errors = self._pose_errors(observation, lines, told)
+        command = cycle.command(lines, image, trust, stamp, _covariances(observation, lines.ids), errors)
         if closed is not None:
             self._pause()
             command = leave(command, lines, closed)
         unknown = self._check.unknown_ids(observation)
         return command if not unknown else _with_note(command, unknown)
+
+    def twist_covariance(self) -> Array:
+        """Return the covariance of the latest twist of the camera, shape (6, 6); zeros where nothing is commanded.
+
+        By the errors of the image lines and of the pose in that frame. It is computed when asked for.
+        """
+        if self._cycle is None:
+            return np.zeros((6, 6))
+        with np.errstate(all="ignore"):
+            covariance = self._cycle.twist_covariance()
+        return np.clip(np.nan_to_num(covariance, nan=_ANY), -_ANY, _ANY)
+
+    def receive_pose(self, T_world_camera: Pose, stamp: int, covariance: Array | None = None) -> None:
+        """Take the camera's pose at a stamp [ns]: features of that stamp must agree with it.
+
+        Args:
+            T_world_camera: Where it is.
+            stamp: [ns].
+            covariance: In the scene's axes, (position [m], rotation [rad]), shape (6, 6); None: not known.
+        """
+        self._poses.receive(T_world_camera, stamp, covariance)
+
+    def forget_poses(self) -> None:
+        """Trust no pose received so far: the latest one was refused."""
+        self._poses.forget()
 
     def is_stray(self, stamp: int, now: int) -> bool:
         """Return whether a message is late, out of order or from the future among good ones: it changes nothing.
@@ -262,6 +315,22 @@ class ServoController:
             now: Of the node clock [ns].
         """
         return self._stamp_filter.is_stray(stamp, now)
+
+    def _pose_errors(
+        self, observation: LineObservation, lines: LineSet, told: ReceivedPose | None
+    ) -> PoseErrors | None:
+        """Return how far the pose may be off that the 3-D lines were computed from, or None if that is not known."""
+        if observation.lines_source:
+            # Of the same estimator, whose covariance changes slowly.
+            latest = told or self._poses.latest
+            covariance = None if latest is None else latest.covariance_camera()
+            return None if covariance is None else PoseErrors(covariance, False)
+        if self.parameters.law not in _BY_POSE:
+            return None
+        covariance = None if told is None else told.covariance_camera()
+        if told is None or covariance is None or self._loci is None or not _stand_for(lines, self._loci.lines, told):
+            return None
+        return PoseErrors(covariance, True)
 
     def _not_to_move(self, observation: LineObservation, reaction: str, stamp: int, now: int) -> Command | None:
         if not self._enabled:
@@ -303,7 +372,7 @@ class ServoController:
         self._cycle = None
         if self._target is not None:
             pose = self._target_pose(self._target)
-            self._cycle = ServoCycle(self.parameters, self._target, self._loci, pose)
+            self._cycle = ServoCycle(self.parameters, self._target, self._loci, pose, self._planner)
 
     def _target_pose(self, target: Target) -> Pose | None:
         if self.parameters.target_source == "pose":
@@ -337,6 +406,17 @@ class ServoController:
                 f"pinv_threshold {parameters.pinv_threshold:g} is above the target's own inverse condition number "
                 f"{condition:.3g}: a motion is given up before the target is reached, and the camera stops short of it"
             )
+
+
+def _stand_for(lines: LineSet, scene: LineSet, told: ReceivedPose) -> bool:
+    """Return whether 3-D lines are those of the scene as seen from a pose, and so as uncertain as it is."""
+    try:
+        there = matched(scene, lines).transformed(told.T_world_camera.inverse(), lines.frame)
+    except GeometryError:
+        return False
+    return bool(
+        np.abs(there.moment - lines.moment).max() < _SAME and np.abs(there.direction - lines.direction).max() < _SAME
+    )
 
 
 def _task(parameters: ControllerParameters) -> tuple[object, ...]:

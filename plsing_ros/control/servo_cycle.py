@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,26 +16,38 @@ from plsing_ros.control.guard import guarded_scale
 from plsing_ros.control.integral import ErrorIntegral
 from plsing_ros.control.latency import LookAhead
 from plsing_ros.control.plain_law import plain_twist
-from plsing_ros.control.pose_laws import PoseLaws
+from plsing_ros.control.pose_laws import PoseErrors, PoseLaws
 from plsing_ros.control.saturation import saturated
 from plsing_ros.control.stall import StallWatch
 from plsing_ros.control.tool import tool_twist
+from plsing_ros.control.twist_covariance import image_twist_covariance
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import decompose_interaction, feature_error, interaction_matrix, smallest_over_largest
-from plsing_ros.features.target import MINIMUM_LINES, Target
+from plsing_ros.features.target import MINIMUM_LINES, Target, TargetView
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_follower import Reference
 from plsing_ros.planning.path_tracker import PathTracker
+from plsing_ros.planning.planner import Planner
 from plsing_ros.singularities.scene_loci import SceneLoci
+
+_SECOND = 1_000_000_000
+# Of frames, for what the loop averages [s].
+_LONGEST_PERIOD = 0.2
+_LEAST_AVERAGED = 1e-4
 
 
 class ServoCycle:
     """The law in force, with what it remembers from cycle to cycle."""
 
     def __init__(
-        self, parameters: ControllerParameters, target: Target, loci: SceneLoci | None, T_world_target: Pose | None
+        self,
+        parameters: ControllerParameters,
+        target: Target,
+        loci: SceneLoci | None,
+        T_world_target: Pose | None,
+        planner: Planner | None = None,
     ) -> None:
         """Begin a run.
 
@@ -43,16 +56,23 @@ class ServoCycle:
             target: Where to go.
             loci: Of the scene, or None if it is not known.
             T_world_target: Camera pose at the target, or None if it is not known.
+            planner: Who plans paths.
         """
         self.parameters = parameters
+        self._planner = planner
         self._loci = loci
         self._integral = ErrorIntegral()
         self._stall = StallWatch()
         self._look_ahead = LookAhead()
         self._path: PathTracker | None = None
         self.retarget(target, T_world_target)
-        # Of the latest cycle: what was left of the law's speed.
+        # Of the latest cycle: what was left of the law's speed, and its stamp [ns].
         self._factor = 0.0
+        self._stamp = 0
+        # What the covariance of its twist is made from when it is asked for, and the share of it that was commanded.
+        self._spread: Callable[[], Array] | None = None
+        self._errors: tuple[Array | None, PoseErrors | None] = (None, None)
+        self._speed = 0.0
 
     def retarget(self, target: Target, T_world_target: Pose | None) -> None:
         """Go on with another target; the integral stays, so that a target that moves can be followed."""
@@ -61,21 +81,32 @@ class ServoCycle:
         if self._loci is None or T_world_target is None or target.lines is None:
             self._path = None
         elif self._path is None or not self._path.leads_to(T_world_target):
-            self._path = PathTracker(self._loci, T_world_target, target.lines)
+            self._path = PathTracker(self._loci, T_world_target, target.lines, self._planner)
 
     @property
     def plan(self) -> Plan | None:
         """The path that is followed, or was refused; None without one."""
         return None if self._path is None else self._path.plan
 
+    def twist_covariance(self) -> Array:
+        """Return the covariance of the latest twist by the errors of its frame, shape (6, 6); zeros at rest."""
+        return np.zeros((6, 6)) if self._spread is None else self._speed**2 * self._spread()
+
     def pause(self) -> None:
         """Take note that the camera was told to stand still in this cycle."""
+        self._spread = None
         self._factor = 0.0
         self._stall.clear()
         self._look_ahead.clear()
 
     def command(
-        self, lines: LineSet, image: Array, trust: float, stamp: int, covariances: Array | None = None
+        self,
+        lines: LineSet,
+        image: Array,
+        trust: float,
+        stamp: int,
+        covariances: Array | None = None,
+        pose: PoseErrors | None = None,
     ) -> Command:
         """Return the command for lines that are in the target.
 
@@ -85,22 +116,25 @@ class ServoCycle:
             trust: Share of the speed that the trust in the lines allows, in [0, 1].
             stamp: Of the observation [ns].
             covariances: Of angle and offset of each image line, shape (n, 3), if they are known.
+            pose: Errors of the pose that the 3-D lines stand for, if they are known.
 
         Raises:
             ObservationError: If the law needs something that the observation or the target lacks.
         """
         parameters = self.parameters
+        self._errors = covariances, pose
         if parameters.latency > 0.0:
             lines, image = self._look_ahead.ahead(lines, image, stamp, parameters.latency)
         if parameters.is_plain:
-            target_image = self.target.view(lines.ids, parameters.columns).image
-            asked, error_norm = plain_twist(parameters, lines, image, target_image)
+            view = self.target.view(lines.ids, parameters.columns)
+            asked, error_norm = plain_twist(parameters, lines, image, view.image)
+            self._spread = self._image_spread(lines, image, view)
             return self._within_limits(lines, asked, error_norm, None, trust, stamp)
         with _may_overflow():
             if parameters.law == "detour":
                 return self._along_the_path(lines, image, trust, stamp)
             if parameters.law in ("position", "fused"):
-                return self._by_pose(lines, image, covariances, trust, stamp)
+                return self._by_pose(lines, image, covariances, pose, trust, stamp)
             return self._servo(lines, image, None, None, trust, stamp)
 
     def _along_the_path(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
@@ -108,36 +142,58 @@ class ServoCycle:
             raise ObservationError("law = detour needs the scene (lines.*) and a target with 3-D lines that fit it")
         found = self._path.reference(self.parameters, lines, image, stamp, self._factor)
         if found is None:
-            self._factor = 0.0
+            self._factor, self._spread = 0.0, None
+            if self._path.is_planning:
+                return Command(Mode.HALTED, "a path is being planned")
             return Command(Mode.REFUSED, "" if self.plan is None else self.plan.reason)
         reference, pose = found
         rows = [row for row, i in enumerate(lines.ids) if i in reference.target]
         if len(rows) < MINIMUM_LINES:
             raise ObservationError(f"only {len(rows)} line(s) have an image both here and on the path")
         there = image.reshape(-1, 3)[rows].ravel()
+        covariances, errors = self._errors
+        self._errors = (None if covariances is None else covariances[rows]), errors
         return self._servo(lines.select(rows), there, reference, reference.displacement(pose), trust, stamp)
 
-    def _by_pose(self, lines: LineSet, image: Array, covariances: Array | None, trust: float, stamp: int) -> Command:
+    def _by_pose(
+        self,
+        lines: LineSet,
+        image: Array,
+        covariances: Array | None,
+        pose: PoseErrors | None,
+        trust: float,
+        stamp: int,
+    ) -> Command:
         parameters = self.parameters
         if self._pose_laws is None:
             self._pose_laws = PoseLaws(self.target)
-        laws = self._pose_laws
+        error, error_norm = feature_error(image, self.target.view(lines.ids, parameters.columns).image)
+        gain = law_gain(parameters, error)
+        laws, errors = self._pose_laws, pose or PoseErrors(parameters.pose_covariance, True)
         displacement = (
-            laws.by_pose(lines, parameters.pose_covariance)
+            laws.by_pose(lines, errors.covariance)
             if parameters.law == "position"
             else laws.by_pose_and_image(
                 lines,
                 image,
-                parameters.pose_covariance,
+                errors,
                 parameters.image_covariance if covariances is None else covariances,
                 parameters.fused_map_std,
+                self._averaged(gain, stamp),
             )
         )
-        error, error_norm = feature_error(image, self.target.view(lines.ids, parameters.columns).image)
-        gain = law_gain(parameters, error)
         twist = parameters.selected(-gain * displacement.twist)
+        used = np.array(parameters.degrees_of_freedom, dtype=float)
+        self._spread = lambda: displacement.covariance() * np.outer(used, used)
         asked = LawTwist(twist, gain, decompose_interaction(lines).singular_values, 0.0, 1.0)
         return self._within_limits(lines, asked, error_norm, None, trust, stamp)
+
+    def _averaged(self, gain: float, stamp: int) -> float:
+        """Return what a loop of this gain leaves of the variance of independent errors of its frames, in (0, 1]."""
+        seconds = (stamp - self._stamp) / _SECOND
+        self._stamp = stamp
+        # A first-order low-pass of time constant 1 / gain.
+        return min(max(0.5 * gain * min(seconds, _LONGEST_PERIOD), _LEAST_AVERAGED), 1.0)
 
     def _servo(
         self,
@@ -154,6 +210,7 @@ class ServoCycle:
         error, error_norm = feature_error(image, view.image)
         integral = self._integrated(error, lines.ids, stamp)
         asked = compute_twist(parameters, interaction_matrix(lines), image, error, integral, view, displacement)
+        self._spread = self._image_spread(lines, image, view)
         return self._within_limits(lines, asked, error_norm, reference, trust, stamp)
 
     def _within_limits(
@@ -174,6 +231,7 @@ class ServoCycle:
             if not _is_finite(output):
                 return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
         self._factor = scale * limited
+        self._speed = self._factor * asked.gain
         self._look_ahead.sent(twist, stamp)
         values = asked.values.tolist()
         mode, reason = Mode.SERVOING, ""
@@ -194,8 +252,14 @@ class ServoCycle:
             0.0 if reference is None else reference.progress,
         )
 
+    def _image_spread(self, lines: LineSet, image: Array, view: TargetView) -> Callable[[], Array]:
+        parameters, (covariances, pose) = self.parameters, self._errors
+        own = parameters.image_covariance if covariances is None else covariances
+        of_pose = parameters.pose_covariance if pose is None else pose.covariance
+        return lambda: image_twist_covariance(parameters, lines, image, view, own, of_pose)
+
     def _halted(self, reason: str) -> Command:
-        self._factor = 0.0
+        self._factor, self._spread = 0.0, None
         return Command(Mode.HALTED, reason)
 
     def _integrated(self, error: Array, ids: tuple[int, ...], stamp: int) -> Array | None:

@@ -72,6 +72,10 @@ class ConsistencyCheck:
             return "image lines without 3-D lines cannot be checked: only pose_estimator can tell whether they fit"
         if self._scene is None:
             return "features are not checked against a scene: lines.* is not given"
+        if observation.lines_source:
+            return (
+                "image lines are not checked against 3-D lines, which were computed from them: only pose_estimator can"
+            )
         return ""
 
     def unknown_ids(self, observation: LineObservation) -> tuple[int, ...]:

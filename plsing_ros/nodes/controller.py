@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 from nav_msgs.msg import Path
 from rclpy.publisher import Publisher
 from std_msgs.msg import Header
@@ -35,9 +35,11 @@ from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.path_conversions import path_message, target_answer, target_question
+from plsing_ros.nodes.pose_conversions import camera_pose_from_message, covariance_from_message
 from plsing_ros.nodes.second_publishers import SecondPublishers
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.planning.detour import Plan
+from plsing_ros.planning.planner import PlanProcess
 
 _LEVELS = {
     Mode.WAITING: DiagnosticStatus.STALE,
@@ -79,6 +81,8 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
     def __init__(self, **options: Any) -> None:
         super().__init__("controller", ControllerParameters, **options)
         parameters = self.parameters
+        # Paths are planned in a process of their own, so that control is never held up.
+        self._planner = PlanProcess()
         # The operator's word outlives what configure makes.
         self._enabled = self.parameters.enabled
         self._halt_messages = HaltMessages()
@@ -88,6 +92,8 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._twist_message = TwistStamped(header=Header(frame_id=parameters.tool_frame or parameters.camera_frame))
         self._twist = self.advertise(TwistStamped, "cmd_twist", qos.COMMAND)
         self._state = self.advertise(ControllerState, "~/state", qos.STATUS)
+        # Before the features, so that of what has come together the pose is taken first.
+        self.subscribe(PoseWithCovarianceStamped, "camera_pose", self._on_pose, qos.SENSOR_DATA)
         self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         # Where the target is a pose, the monitor learns from here where the task leads.
         self._desired: Publisher | None = None
@@ -110,7 +116,10 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
 
     def configure(self) -> None:
         """Compute the target's features and the scene's loci."""
-        self._servo = ServoController.from_parameters(self.parameters)
+        self._servo = ServoController.from_parameters(self.parameters, self._planner)
+        self._servo.compute_loci()
+        if self.parameters.law == "detour":
+            self._planner.start()
         self._servo.enabled = self._enabled
         self._latest = self._plan = self._shown_target = None
         self._warning = ""
@@ -130,6 +139,11 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
     def _say_where_it_leads(self) -> None:
         self._report_warning()
         self._show_target()
+
+    def stop(self) -> None:
+        """Command zero twist, and plan no more."""
+        super().stop()
+        self._planner.close()
 
     def deactivate(self, reason: str) -> None:
         """Command zero twist."""
@@ -151,6 +165,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
 
         def put_in_force() -> None:
             change_core()
+            self._servo.compute_loci()
             for change in changes:
                 self.report(change, DiagnosticStatus.OK)
             if self.active:
@@ -169,6 +184,15 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
             command = self._servo.halt(str(error))
         self._command(command, stamp)
         self._diagnostics.count(stamp)
+
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
+        try:
+            pose = camera_pose_from_message(message, self.parameters.scene_frame)
+        except PlsingError as error:
+            self._servo.forget_poses()
+            self.get_logger().warning(f"camera_pose refused: {error}", throttle_duration_sec=1.0)
+        else:
+            self._servo.receive_pose(pose, nanoseconds(message.header.stamp), covariance_from_message(message))
 
     def _on_desired(self, message: LineFeatureArray) -> None:
         try:
@@ -233,9 +257,9 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
             fill_twist(self._twist_message.twist, command.output)
             self._twist.publish(self._twist_message)
         if self._state.get_subscription_count():
-            self._state.publish(
-                controller_state_message(command, self.parameters.law, header(stamp, self.parameters.camera_frame))
-            )
+            head = header(stamp, self.parameters.camera_frame)
+            covariance, unchecked = self._servo.twist_covariance(), self._servo.unchecked
+            self._state.publish(controller_state_message(command, self.parameters.law, covariance, unchecked, head))
         self._publish_path(stamp)
         previous, self._latest = self._latest, command
         if previous is None or command.mode is not previous.mode:

@@ -132,8 +132,18 @@ def point_message(point: Array) -> Point:
     return Point(x=float(point[0]), y=float(point[1]), z=float(point[2]))
 
 
-def controller_state_message(command: Command, law: str, head: Header) -> ControllerState:
-    """Return the state that goes with a command of a law."""
+def controller_state_message(
+    command: Command, law: str, twist_covariance: Array, unchecked: str, head: Header
+) -> ControllerState:
+    """Return the state that goes with a command of a law.
+
+    Args:
+        command: The command.
+        law: By which law.
+        twist_covariance: Of the camera's twist, shape (6, 6).
+        unchecked: What could not be checked about the features.
+        head: Of the message.
+    """
     return ControllerState(
         header=head,
         mode=int(command.mode),
@@ -149,6 +159,8 @@ def controller_state_message(command: Command, law: str, head: Header) -> Contro
         scale=command.scale,
         saturated=command.saturated,
         path_progress=command.path_progress,
+        twist_covariance=twist_covariance.ravel(),
+        unchecked=unchecked,
     )
 
 

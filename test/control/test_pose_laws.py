@@ -3,13 +3,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from scipy.spatial.transform import Rotation
-from strategies import seen_lines, vectors
+from strategies import numbers, seen_lines, vectors
 
 from plsing_ros.control.command import Mode
 from plsing_ros.control.latency import LookAhead
-from plsing_ros.control.pose_laws import PoseLaws, mismatch, polar
+from plsing_ros.control.pose_laws import PoseErrors, PoseLaws, mismatch, polar
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import GeometryError, ObservationError, ParameterError
 from plsing_ros.features import LineObservation, interaction_matrix, inverse_condition_number, project_lines
@@ -81,10 +81,43 @@ def test_the_image_corrects_3d_lines_at_a_wrong_pose(error, offset):
     assume(image.usable.all() and inverse_condition_number(interaction_matrix(image.lines_camera)) > 0.03)
     laws = PoseLaws(Target(seen_by(TARGET), "target"))
     lines, s = LINES.transformed(wrong.inverse(), "camera"), image.usable_image_lines.ravel()
-    fused = laws.by_pose_and_image(lines, s, covariance(), np.array([1e-10, 0.0, 1e-10]), 0.0).twist
+    fused = laws.by_pose_and_image(
+        lines, s, PoseErrors(covariance(), True), np.array([1e-10, 0.0, 1e-10]), 0.0, 1.0
+    ).twist
     by_pose = laws.by_pose(lines, covariance()).twist
     right = laws.by_pose(image.lines_camera, covariance()).twist
     assert np.linalg.norm(fused - right) <= 0.05 * np.linalg.norm(by_pose - right) + 1e-6
+
+
+@given(direction=vectors(3, -1.0, 1.0), off=numbers(0.02, 0.6), start=vectors(3, -0.4, 0.4), turn=vectors(3, -0.1, 0.1))
+@settings(deadline=None, max_examples=20)
+def test_fused_never_ends_farther_away_by_a_wrong_pose(direction, off, start, turn):
+    assume(np.linalg.norm(direction) > 0.1 and np.linalg.norm(start) > 0.05)
+    error = np.concatenate([off * direction / np.linalg.norm(direction), turn])
+    servo, pose = servo_with("fused", gain=1.0), TARGET.integrate(np.concatenate([start, np.zeros(3)]), 1.0)
+    began = np.linalg.norm(pose.translation - TARGET.translation)
+    for k in range(60):
+        now = (k + 1) * SECOND // 10
+        image, told = seen_by(pose), seen_by(pose.integrate(error, 1.0))
+        if not (image.usable.all() and told.usable.all()):
+            break
+        observation = LineObservation(LINES.ids, image.image_lines, image.usable, told.lines_camera)
+        pose = pose.integrate(servo.answer(observation, now, now).twist, 0.1)
+    assert np.linalg.norm(pose.translation - TARGET.translation) <= began + 1e-3
+
+
+def test_the_covariance_of_a_pose_decides_how_far_the_image_corrects_it():
+    true, told = TARGET, TARGET.integrate([0.004, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0)
+    observation = LineObservation(
+        LINES.ids, seen_by(true).image_lines, np.ones(5, dtype=bool), seen_by(told).lines_camera
+    )
+    asked = []
+    for std in (1e-5, 0.05):
+        servo = servo_with("fused", **{"fused.map_std": 0.0})
+        servo.receive_pose(told, SECOND, covariance(std, std))
+        asked.append(float(np.linalg.norm(servo.answer(observation, SECOND, SECOND).twist)))
+    # By the pose the camera is 4 mm off, by the image it is there.
+    assert asked[0] == pytest.approx(0.1 * 0.004, rel=0.02) and asked[1] < 0.5 * asked[0]
 
 
 def test_a_shown_target_is_reached_by_the_image_where_map_and_focal_length_are_wrong():

@@ -98,3 +98,16 @@ def test_an_unknown_line_is_left_out_and_named(law):
     few = LineObservation.of_lines(both.select([0, 1, 4]))
     halted = answer(with_unknown, few)
     assert halted.mode is Mode.HALTED and "at least 3" in halted.reason
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    "off", [Pose(np.eye(3), [0.0, 0.2, 0.0]), Pose([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], np.zeros(3))]
+)
+def test_a_camera_pose_that_contradicts_the_3d_lines_halts(law, off):
+    servo = servo_with(law, enabled=True)
+    command = servo.step(seen(), 1.0, CAMERA @ off)
+    assert command.mode is Mode.HALTED and not command.twist.any() and "camera_pose is" in command.reason
+    assert servo.step(seen(), 1.1, CAMERA).mode is not Mode.HALTED
+    # An old pose is none of these features.
+    assert servo.step(seen(), 1.2).mode is not Mode.HALTED

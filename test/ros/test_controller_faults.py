@@ -316,8 +316,14 @@ def test_the_twist_of_a_tool(ros, paper):
 def test_a_detour_is_published_and_followed(ros, paper):
     loop = ControllerLoop(ros, paper, law="detour")
     paths = ros.collect(Path, "controller/planned_path", qos.LATCHED)
-    loop.answer(features(start_pose(2), loop.now()))
-    ros.spin_until(lambda: paths and paths[-1].poses, "the path")
+
+    def planned():
+        # It stands still until the plan is there.
+        command, state = loop.answer(features(start_pose(2), loop.now()))
+        assert state.mode == ControllerState.MODE_SERVOING or not twist_values(command).any()
+        return state.mode == ControllerState.MODE_SERVOING and paths and paths[-1].poses
+
+    ros.spin_until(planned, "the path", 60.0)
     position = [paths[-1].poses[end].pose.position for end in (0, -1)]
     for p, pose in zip(position, (start_pose(2), TARGET), strict=True):
         np.testing.assert_allclose([p.x, p.y, p.z], pose.translation, atol=1e-6)
