@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from tqdm import tqdm
 
-from benchmark.servo_tasks import STEPS, TIME_STEP, Runs, Task, random_task, run_all
+from benchmark.servo_tasks import GAIN, STEPS, TIME_STEP, Runs, Task, random_task, run_all
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
@@ -97,6 +97,13 @@ def _first_alert(replay: _Replay) -> tuple[int, str] | None:
             target_known=replay.target_known,
             target_position=tuple(replay.task.target.translation),
             target_orientation=tuple(replay.task.target.quaternion_xyzw),
+            # The loop of these runs: the plain law without limits, on a camera that follows every twist at once.
+            gain=GAIN,
+            max_linear_speed=0.0,
+            max_angular_speed=0.0,
+            frames_late=0,
+            robot_lag=0.0,
+            robot_clamps=False,
         )
     )
     camera = SimulatedCamera(lines, replay.task.start, "camera", replay.noise, replay.number)

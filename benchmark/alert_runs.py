@@ -104,7 +104,16 @@ def record_of(condition: str, seed: int, number: int) -> Record:
     focal length: what can be known of the run by whoever knows the conditions, and the map as it is given.
     """
     setting = draw_setting(condition, seed, number)
-    record = _Run(
+    record = watched_run(setting, condition, seed, number)
+    if condition == "harsh" and number % _TRUE_EVERY == 0:
+        others = [_Run(with_other_errors(setting, i), setting.seed + 1 + i).unwatched() for i in range(_TRUE_RUNS)]
+        record.true_share = sum(each is not Harm.NONE for each in others) / _TRUE_RUNS
+    return record
+
+
+def watched_run(setting: Setting, condition: str, seed: int, number: int) -> Record:
+    """Make one run with the monitor watching."""
+    return _Run(
         setting,
         setting.seed,
         Record(
@@ -120,10 +129,6 @@ def record_of(condition: str, seed: int, number: int) -> Record:
             setting.chain,
         ),
     ).watched()
-    if condition == "harsh" and number % _TRUE_EVERY == 0:
-        others = [_Run(with_other_errors(setting, i), setting.seed + 1 + i).unwatched() for i in range(_TRUE_RUNS)]
-        record.true_share = sum(each is not Harm.NONE for each in others) / _TRUE_RUNS
-    return record
 
 
 class _Run:
@@ -260,6 +265,8 @@ class _Run:
 
     def _frame(self, stamp: int) -> Frame | None:
         lines, covariances, seen = self._camera.image(self._pose)
+        if self._setting.missing > 0.0:
+            seen = seen & (self._rng.random(len(seen)) >= self._setting.missing)
         if self._tracker is None:
             return self._camera.completed(lines, covariances, seen, *self._camera.pose(self._pose))
         image = LineObservation(self._setting.task.map.ids, lines * seen[:, np.newaxis], seen, covariances=covariances)

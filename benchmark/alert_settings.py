@@ -44,6 +44,7 @@ class Setting:
         soft: Whether its speed rises over the first second.
         chain: Whether 3-D lines and pose come from pose_estimator.
         seed: Of all noise.
+        missing: Share of lines that are not detected in a frame.
     """
 
     condition: Condition
@@ -55,6 +56,7 @@ class Setting:
     soft: bool
     chain: bool
     seed: int
+    missing: float = 0.0
 
 
 def draw_setting(condition: str, seed: int, number: int) -> Setting:

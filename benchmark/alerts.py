@@ -79,7 +79,11 @@ def records_of(
     folder = results / _mark()
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{condition}_{seed}.jsonl"
-    made = [Record.from_line(line) for line in path.read_text().splitlines()] if path.exists() else []
+    # A run that was being written when the study was stopped is made again.
+    text = path.read_text() if path.exists() else ""
+    lines = [line for line in text.splitlines(keepends=True) if line.endswith("\n")]
+    path.write_text("".join(lines))
+    made = [Record.from_line(line) for line in lines]
     records: list[Record] = []
     with tqdm(total=harmless + harmful, desc=condition, leave=False, file=sys.stderr) as bar:
         for record in _from(made, partial(record_of, condition, seed), workers, path):

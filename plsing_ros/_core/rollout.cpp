@@ -55,6 +55,9 @@ public:
         : scene_(scene), law_(law), loop_(loop), controller_(scene, law, loop), random_(seed), camera_(camera),
           motion_(motion), commands_(loop.latency + kMostJitter + 2, command)
     {
+        // T_camera_believed.
+        error_.rotation = camera.rotation.transpose() * believed.rotation;
+        error_.translation = camera.rotation.transpose() * (believed.translation - camera.translation);
         focal_ = draw_focal_length(loop, random_);
         true_lines_ = loop.map_noise > 0.0 || loop.focal_error > 0.0
                           ? draw_map(scene, loop, believed, camera, focal_, random_)
@@ -203,10 +206,14 @@ private:
 
     Pose believed()
     {
-        if (loop_.position_noise == 0.0 && loop_.rotation_noise == 0.0) return camera_;
-        Pose pose;
-        pose.translation = camera_.translation + loop_.position_noise * random_.normal_vector();
-        pose.rotation = camera_.rotation * rotation_of(loop_.rotation_noise * random_.normal_vector());
+        Pose pose = camera_;
+        if (loop_.pose_error_lasts) {
+            pose.translation += camera_.rotation * error_.translation;
+            pose.rotation *= error_.rotation;
+        }
+        if (loop_.position_noise == 0.0 && loop_.rotation_noise == 0.0) return pose;
+        pose.translation += loop_.position_noise * random_.normal_vector();
+        pose.rotation *= rotation_of(loop_.rotation_noise * random_.normal_vector());
         return pose;
     }
 
@@ -256,7 +263,7 @@ private:
     const Loop &loop_;
     Controller controller_;
     Random random_;
-    Pose camera_;
+    Pose camera_, error_;
     Vector6d motion_;
     std::vector<SceneLine> true_lines_;
     std::vector<Vector6d> commands_;

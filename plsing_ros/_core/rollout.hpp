@@ -45,7 +45,7 @@ struct Loop {
     double horizon, deadline, elapsed, start_distance, first_linear, first_angular;
     double demand_linear, demand_angular, path_linear, path_angular, arrived_for;
     int latency;
-    bool stops;  // Whether a run ends when it has arrived.
+    bool stops, pose_error_lasts;
 };
 
 enum Kind : int { kArrived = 0, kAway = 1, kFewLines = 2, kLate = 3 };

@@ -92,6 +92,7 @@ Loop loop_from(const py::object &from)
     loop.path_angular = number(from, "path_angular_speed");
     loop.horizon = number(from, "horizon");
     loop.stops = from.attr("stops").cast<bool>();
+    loop.pose_error_lasts = from.attr("pose_error_lasts").cast<bool>();
     if (!(loop.period > 0.0 && loop.horizon / loop.period <= 1e7 && loop.latency >= 0 && loop.latency <= 1000))
         throw std::invalid_argument("period, horizon or latency is out of range");
     return loop;

@@ -11,8 +11,8 @@ from plsing_ros.monitoring.rollout import RolloutLaw, RunState
 from plsing_ros.monitoring.rollout_setup import FRAME_PERIOD, MAX_STEPS, rollout_task
 from plsing_ros.monitoring.run_clock import distance_between
 from plsing_ros.monitoring.shaking import expected_shaking
-from plsing_ros.parameters import MonitorParameters
-from plsing_ros.singularities import SingularSet
+from plsing_ros.parameters import ControllerParameters, MonitorParameters
+from plsing_ros.singularities import SingularSet, singular_set
 
 LAWS = ("pinv", "dls", "adaptive_dls", "guarded", "detour", "position")
 # Shaking by less than this at the target is not worth a word [m].
@@ -35,6 +35,25 @@ def risks_of_laws(pose: Pose, singular: SingularSet, target: Pose, parameters: M
         shaking = expected_shaking(task, parameters.samples, 0, MAX_STEPS)
         found[name] = Risk(0, outcomes, law, pose, outcomes.risk, shaking)
     return found
+
+
+def laws_without_noise(parameters: ControllerParameters, start: Pose, target: Pose) -> str:
+    """Return what each law would do with a controller's options, without noise and a robot of the usual limits.
+
+    Args:
+        parameters: Of the controller, with a scene.
+        start: T_world_camera.
+        target: T_world_camera.
+
+    Raises:
+        GeometryError: If the numbers do not make a task.
+    """
+    shared = {each.name for each in dataclasses.fields(MonitorParameters)}
+    values = {
+        each.name: getattr(parameters, each.name) for each in dataclasses.fields(parameters) if each.name in shared
+    }
+    loop = MonitorParameters(**values, samples=1)
+    return laws_text(risks_of_laws(start, singular_set(parameters.lines()), target, loop))
 
 
 def laws_text(risks: dict[str, Risk]) -> str:

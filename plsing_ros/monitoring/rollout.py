@@ -133,6 +133,8 @@ class LoopModel:
         path_angular_speed: Likewise [rad/s].
         horizon: How far ahead to go [s].
         stops: Whether a run ends when it has arrived; else it goes on to the horizon, and is never late.
+        pose_error_lasts: Whether what a start is off from T_world_camera stays, in the camera's frame: the error of an
+            estimated pose; else it is an error of that frame alone.
     """
 
     period: float = 1.0 / 30.0
@@ -157,6 +159,7 @@ class LoopModel:
     path_angular_speed: float = 0.2
     horizon: float = 60.0
     stops: bool = True
+    pose_error_lasts: bool = False
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -245,7 +248,7 @@ class RolloutTask:
         residuals: What was seen of (phi, rho) of each image line minus what the map says at the poses that were
             believed, as its mean and the covariance of the mean: (phi, rho, phi phi, phi rho, rho rho), NaN for a line
             that was not seen, shape (n, 5); None: nothing is known. Samples' maps are drawn accordingly.
-        T_world_camera: Where the camera is believed to be, for residuals; None: at the first start.
+        T_world_camera: Where the camera is believed to be; None: at the first start.
     """
 
     lines: LineSet

@@ -60,6 +60,8 @@ def rollout_task(
         path_linear_speed=parameters.detour_linear_speed,
         path_angular_speed=parameters.detour_angular_speed,
         horizon=horizon,
+        # What an estimator is off by changes slowly; other poses are taken as good on the whole.
+        pose_error_lasts=seen is not None and bool(seen.lines_source),
     )
     ends = np.reshape(parameters.line_ends, (-1, 2, 3)) if parameters.line_ends else None
     covariances = None if parameters.image_noise > 0.0 else scene_covariances(lines, seen)

@@ -21,6 +21,7 @@ from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import PlsingError
 from plsing_ros.features.feature_message import sender_text
 from plsing_ros.features.target import Target
+from plsing_ros.monitoring.law_risks import laws_without_noise
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     controller_state_message,
@@ -215,9 +216,12 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         frame = self.parameters.scene_frame
         note = "" if self.parameters.law == "detour" else f"law {self.parameters.law} plans no path; detour would say: "
         try:
-            return target_answer(
-                self._servo.check_target(*target_question(request, frame)), note, header(self.now(), frame)
-            )
+            target, start = target_question(request, frame)
+            check = self._servo.check_target(target, start)
+            response = target_answer(check, note, header(self.now(), frame))
+            laws = laws_without_noise(self.parameters, check.start, target)
+            response.reason += f"; rolled out to the target without noise, {laws}"
+            return response
         except PlsingError as error:
             response.success, response.message = False, str(error)
             return response

@@ -25,6 +25,7 @@ class TargetCheck:
         target_nearest: The locus nearest to the target, observed lines left out; None if there is none.
         straight_inverse_condition_number: The lowest on the straight path, ends included, likewise.
         straight_nearest: The locus, observed lines included, that the straight path comes nearest to, there.
+        start: T_world_camera where it begins.
         path: T_world_camera along the path it would take, at equal steps of progress; empty if refused.
     """
 
@@ -34,6 +35,7 @@ class TargetCheck:
     target_nearest: LocusDistance | None
     straight_inverse_condition_number: float
     straight_nearest: LocusDistance
+    start: Pose
     path: tuple[Pose, ...]
 
 
@@ -58,5 +60,6 @@ def check_target(singular: SingularSet, start: Pose, target: Pose, options: Deto
         singular.nearest_locus(target.translation),
         float(condition.min()),
         min((singular.distances(center)[0] for center in position), key=lambda each: each.distance),
+        start,
         plan.path.sampled(_PATH_POSES) if plan.path is not None else (),
     )

@@ -295,3 +295,17 @@ def test_a_limit_that_scales_commands_is_no_demand():
         found = task.roll_out([start], RunState(14.0, 0.8, 0.0, 0.01, 0.01), seed)
         assert found.demand[0] <= 1.0 and found.demand_time[0] == -1.0
         assert task.roll_out([start], RunState(14.0, 0.8), seed).first_linear_speed[0] == pytest.approx(0.25)
+
+
+def test_the_error_of_an_estimated_pose_stays():
+    law = RolloutLaw("position", gain=1.0)
+    start, believed = offset_pose([0.0, 0.0, 0.0], [0.5, 0.0, 0.0]), offset_pose([0.0, 0.0, 0.0], [0.5, 0.07, 0.0])
+    state = RunState(14.0, 0.5)
+
+    def outcome(lasts):
+        loop = LoopModel(period=0.05, horizon=14.0, pose_error_lasts=lasts)
+        return RolloutTask(LINES, TARGET, law, loop, T_world_camera=believed).roll_out([start], state, 0)
+
+    assert Harm(outcome(False).kind[0]) is Harm.NONE
+    late = outcome(True)
+    assert Harm(late.kind[0]) is Harm.LATE and late.distance[0] == pytest.approx(0.07, abs=1e-3)
