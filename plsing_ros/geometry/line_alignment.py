@@ -92,7 +92,8 @@ def reversed_lines(scene: LineSet, seen: LineSet, rotation: Array) -> tuple[int,
         seen: In the camera frame.
         rotation: Of T_world_camera, shape (3, 3); the noise of both may be large.
     """
-    cosine = np.einsum("ij,ij->i", matched(scene, seen).direction @ rotation, seen.direction)
+    direction = scene.direction if seen.ids == scene.ids else scene.direction[matched_rows(scene, seen)]
+    cosine = np.einsum("ij,ij->i", direction @ rotation, seen.direction)
     return tuple(seen.ids[row] for row in np.flatnonzero(cosine < _REVERSED))
 
 

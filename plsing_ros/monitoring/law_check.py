@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -39,7 +40,8 @@ class LawCheck:
 
     def receive_twist(self, twist: Array, stamp: int) -> None:
         """Take the twist (6,) that answers the features of a stamp [ns]."""
-        if max(np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])) < _MIN_SPEED:
+        values = twist.tolist()
+        if math.hypot(*values[:3]) < _MIN_SPEED and math.hypot(*values[3:]) < _MIN_SPEED:
             return
         for seen, pose, observation in reversed(self._frames):
             if seen == stamp:
