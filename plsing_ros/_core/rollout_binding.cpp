@@ -165,6 +165,14 @@ void add_loci(Scene &scene, const py::object &loci)
     scene.has_loci = true;
 }
 
+bool is_without_noise(const Scene &scene, const Loop &loop)
+{
+    for (double each : {loop.image_noise, loop.position_noise, loop.rotation_noise, loop.map_noise, loop.focal_error,
+                        loop.dropped_frames, loop.dropped_lines, loop.jitter})
+        if (each > 0.0) return false;
+    return !scene.has_covariances;
+}
+
 py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &ends,
                       const py::object &target, const Array &covariances, const py::object &residuals,
                       const py::object &believed, const py::object &loci,
@@ -196,8 +204,18 @@ py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &
     {
         py::gil_scoped_release without_interpreter;
         weigh_residuals(scene, loop, here);
-        for (Eigen::Index i = 0; i < k; i++)
-            outcomes[i] = roll_out(scene, law, loop, starts[i], here, motion, command, seed + 7919u * static_cast<std::uint64_t>(i));
+        const bool is_exact = is_without_noise(scene, loop);
+        for (Eigen::Index i = 0; i < k; i++) {
+            if (is_exact && i > 0 && starts[i].rotation == starts[0].rotation &&
+                starts[i].translation == starts[0].translation) {
+                // Nothing tells this sample from the first one.
+                outcomes[i] = outcomes[0];
+                outcomes[i].steps = 0;
+                continue;
+            }
+            const auto own_seed = seed + 7919u * static_cast<std::uint64_t>(i);
+            outcomes[i] = roll_out(scene, law, loop, starts[i], here, motion, command, own_seed);
+        }
     }
     Eigen::VectorXi kind(k);
     Eigen::VectorXd harm_time(k), demand(k), demand_time(k), speed(k), distance(k), angle(k);

@@ -210,7 +210,7 @@ class Outcomes:
         first_linear_speed: Of the run's first command [m/s]; negative: none was made.
         first_angular_speed: Likewise [rad/s].
         mean_square_distance: From the target, over the second half of the horizon [m^2]; 0 if it ended before.
-        steps: How many steps were made, all samples together.
+        steps: How many steps were made, all samples together; samples that nothing tells apart are made once.
     """
 
     kind: Array

@@ -7,6 +7,7 @@ from builders import change, features, seen, set_number, start_pose, twist
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from monitor_loop import MonitorLoop, beside_transversal
+from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
@@ -69,6 +70,20 @@ def test_features_that_cannot_be_used(loop, spoil, words):
     assert not status.unobservable_motion_valid
     assert not status.distances_valid
     assert_recovers(loop)
+
+
+def test_a_stream_that_is_refused_is_one_state_one_alert_and_one_line(loop):
+    lines = loop.ros.collect(Log, "/rosout", qos.LATCHED)
+    loop.status_at(CALM)
+    alerts, said = len(loop.alerts), len(lines)
+    for frame in range(40):
+        # The numbers in the reason change with each message, and what is wrong with it does not.
+        status = loop.status_at(CALM, set_number("image_lines", 5, 300.0 + frame))
+        assert status.level == SingularityStatus.LEVEL_UNOBSERVABLE
+    loop.ros.spin_for(0.3)
+    assert len(loop.alerts) == alerts + 1
+    of_monitor = [each.msg for each in lines[said:] if each.name.endswith("singularity_monitor")]
+    assert len(of_monitor) == 1, of_monitor
 
 
 def test_a_line_that_is_not_in_the_scene_is_left_out_and_said(loop):
