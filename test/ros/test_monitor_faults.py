@@ -75,15 +75,15 @@ def test_features_that_cannot_be_used(loop, spoil, words):
 def test_a_stream_that_is_refused_is_one_state_one_alert_and_one_line(loop):
     lines = loop.ros.collect(Log, "/rosout", qos.LATCHED)
     loop.status_at(CALM)
-    alerts, said = len(loop.alerts), len(lines)
+    alerts = len(loop.alerts)
     for frame in range(40):
         # The numbers in the reason change with each message, and what is wrong with it does not.
         status = loop.status_at(CALM, set_number("image_lines", 5, 300.0 + frame))
         assert status.level == SingularityStatus.LEVEL_UNOBSERVABLE
     loop.ros.spin_for(0.3)
     assert len(loop.alerts) == alerts + 1
-    of_monitor = [each.msg for each in lines[said:] if each.name.endswith("singularity_monitor")]
-    assert len(of_monitor) == 1, of_monitor
+    of_monitor = [each.msg for each in lines if each.name.endswith("singularity_monitor")]
+    assert sum("UNOBSERVABLE" in each for each in of_monitor) == 1, of_monitor
 
 
 def test_a_line_that_is_not_in_the_scene_is_left_out_and_said(loop):
