@@ -55,6 +55,7 @@ class NodeProcesses:
         parameters: Mapping[str, Any] | None = None,
         remap: Mapping[str, str] | None = None,
         settings: Mapping[str, str] | None = None,
+        arguments: Sequence[str] = (),
     ) -> subprocess.Popen[bytes]:
         """Start a node.
 
@@ -64,6 +65,7 @@ class NodeProcesses:
             parameters: Values by name, over those of the files.
             remap: New names of topics by their old ones.
             settings: Variables of its environment, over the others.
+            arguments: Of its own, before those of ROS, as the nodes of the container.
         """
         words = [word for file in files for word in ("--params-file", str(file))]
         words += [word for name, value in (parameters or {}).items() for word in ("-p", f"{name}:={json.dumps(value)}")]
@@ -71,7 +73,7 @@ class NodeProcesses:
         code = f"import sys; from plsing_ros.nodes.{node} import main; sys.argv[0] = '{node}'; sys.exit(main())"
         log = self._logs.enter_context(tempfile.TemporaryFile())  # noqa: SIM115
         process = subprocess.Popen(
-            [sys.executable, "-c", code, "--ros-args", *words],
+            [sys.executable, "-c", code, *arguments, "--ros-args", *words],
             env={**self._environment, **(settings or {})},
             stdout=log,
             stderr=subprocess.STDOUT,

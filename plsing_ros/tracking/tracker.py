@@ -48,6 +48,12 @@ _MAX_DEVIATION = 0.3
 _MIN_DOUBT, _DOUBT_PER_LOSS = 0.5, 0.1
 # Errors of edges last for some images: the variance of a pose that is carried on by points grows by this each time.
 _FORGETTING = 1.5
+# Lines that agree better than they claim to, image after image, are better. Residuals show this share of deviations;
+# the rest is common to all: the lens, the model, light that is not quite as assumed.
+_SHOWN = 0.5
+_LEARNING = 0.1
+_MIN_SHARE = 0.1  # of the variance that is claimed
+_MAX_SCALE = 1.3  # of residuals, beyond which edges contradict each other
 _NOTHING: Array = np.zeros((6, 6))
 
 
@@ -101,6 +107,7 @@ class LineTracker:
         self._contrast = np.zeros(len(model))
         self._last: Pose | None = None  # T_camera_model
         self._losses = 0  # images since the last good one
+        self._consistency = 1.0  # share of the claimed variance of lines that they need
         self._symmetry: Pose | None
         nothing = Pose(np.eye(3), np.zeros(3))
         turns = sorted(((angle_between(each, nothing), i, each) for i, each in enumerate(symmetries(model))))
@@ -243,7 +250,11 @@ class LineTracker:
             return self._lost(f"the image explains {share:.0%} of the visible edges")
         self._losses = 0
         pose = fit.T_camera_model
-        covariance = _inverse(fit.information + 1e-9 * np.eye(6))
+        # A fit counts a scale above 1 itself.
+        needed_share = (min(fit.scale, 1.0) / _SHOWN) ** 2
+        self._consistency += _LEARNING * (min(needed_share, 1.0) - self._consistency)
+        share = max(self._consistency, needed_share, _MIN_SHARE)
+        covariance = share * _inverse(fit.information + 1e-9 * np.eye(6))
         state, reason = self._verdict(fit, covariance)
         self._last = pose
         good = fit.weights > 0.5
@@ -263,7 +274,7 @@ class LineTracker:
             reason,
             T_world_camera,
             to_scene @ covariance @ to_scene.T,
-            self._observation(fit, good),
+            self._observation(fit, good, share),
             fit.support,
             fit.chance,
             0 if points is None else len(points.points),
@@ -276,6 +287,8 @@ class LineTracker:
             return TrackingState.AMBIGUOUS, f"a pose turned by {degrees:.0f} degrees explains the edges as well"
         if fit.excess < _GOOD_EXCESS:
             return TrackingState.WEAK, f"the image explains only {fit.support:.0%} of the visible edges"
+        if fit.scale > _MAX_SCALE:
+            return TrackingState.WEAK, f"the edges fit one pose {fit.scale:.1f} times worse than each fits its line"
         deviation = math.sqrt(float(np.linalg.eigvalsh(self._at_object(covariance, fit.T_camera_model))[-1]))
         if deviation > _MAX_DEVIATION * self.model.radius:
             return TrackingState.WEAK, f"the edges leave the position uncertain by {deviation:.2g} m"
@@ -304,14 +317,14 @@ class LineTracker:
         explains = counts[:, 1].sum() >= (1.0 - _MIN_GAIN) * fit.counts[:, 1].sum()
         return other if explains and angle_between(other, pose) > 0.5 * angle_between(start, pose) else None
 
-    def _observation(self, fit: _Fit, good: npt.NDArray[np.bool_]) -> LineObservation:
+    def _observation(self, fit: _Fit, good: npt.NDArray[np.bool_], share: float) -> LineObservation:
         n = len(self.model)
         image_lines = np.zeros((n, 3))
         usable = np.zeros(n, dtype=bool)
         covariances = np.zeros((n, 3))
         for row, line in zip(fit.edges[good].tolist(), fit.lines[good].tolist(), strict=True):
             image_lines[row] = np.cos(line[0]), np.sin(line[0]), line[1]
-            covariances[row] = line[2:5]
+            covariances[row] = share * np.array(line[2:5])
             usable[row] = True
         return LineObservation(self.model.ids, image_lines, usable, covariances=covariances)
 
