@@ -93,7 +93,17 @@ setup(
             include_dirs=header_folders(),
             depends=[str(file) for file in sorted(CORE.glob("*.hpp"))],
             language="c++",
-            extra_compile_args=["-std=c++17", "-O2", "-g0", "-Wno-maybe-uninitialized", "-fvisibility=hidden"],
+            extra_compile_args=[
+                "-std=c++17",
+                "-O3",
+                "-fno-math-errno",
+                "-g0",
+                # GCC 12 takes Eigen's small matrices for what they are not.
+                "-Wno-maybe-uninitialized",
+                "-Wno-array-bounds",
+                "-Wno-stringop-overflow",
+                "-fvisibility=hidden",
+            ],
         ),
     ],
     install_requires=["numpy>=1.26,<3", "scipy>=1.11,<2"],

@@ -72,13 +72,15 @@ class StampFilter:
             stamp: Of the message [ns].
             now: Of the node clock [ns].
         """
-        self._last_problem = self._problem(stamp, now)
-        if self._last_problem is None:
-            before, self._last_stamp = self._last_stamp, min(stamp, now)
-            if self.parameter and before is not None and self._was_silent:
-                self._last_problem = self._too_seldom((self._last_stamp - before) / _SECOND)
-            self._was_silent = False
-        return self._last_problem
+        problem = self._problem(stamp, now)
+        if problem is None:
+            before, self._last_stamp = self._last_stamp, stamp if stamp < now else now
+            if self._was_silent:
+                self._was_silent = False
+                if self.parameter and before is not None:
+                    problem = self._too_seldom((self._last_stamp - before) / _SECOND)
+        self._last_problem = problem
+        return problem
 
     def is_stray(self, stamp: int, now: int) -> bool:
         """Return whether a message is late, out of order or from the future among good ones: to be left alone.

@@ -58,6 +58,39 @@ def align_lines(
     Source: geometry.align_lines.
     """
 
+def are_consistent(
+    image_lines: Array,
+    direction: Array,
+    moment: Array,
+    scene_direction: Array,
+    scene_moment: Array,
+    min_image_cosine: float,
+    min_cosine: float,
+    max_offset: float,
+    rotation: Array = ...,
+    translation: Array = ...,
+    min_turn_cosine: float = ...,
+    max_distance: float = ...,
+) -> bool:
+    """Return whether image lines and 3-D lines are certain to agree with each other, the scene and a camera pose.
+
+    Args:
+        image_lines: Shape (n, 3).
+        direction: Of the 3-D lines, in the camera frame, shape (n, 3).
+        moment: Likewise, shape (n, 3) [m].
+        scene_direction: Of the same lines in the scene frame, shape (n, 3); (0, 3) if the scene is not known.
+        scene_moment: Likewise [m].
+        min_image_cosine: Of the angle between an image line and its moment.
+        min_cosine: Of the angle between a direction and that in the scene, at the pose that align_lines gives.
+        max_offset: Root of the sum of the squared misfits of moments there [m].
+        rotation: Of T_scene_camera, if that is known from elsewhere, shape (3, 3); all four of these or none.
+        translation: Likewise, shape (3,) [m].
+        min_turn_cosine: Of the angle between the two rotations.
+        max_distance: Between the two positions [m].
+
+    Source: new, docs/refusals.md; what is not certain is looked at by features.consistency.
+    """
+
 # features.cpp
 
 def subtract(a: Array, b: Array) -> tuple[Array, float]:
@@ -103,8 +136,8 @@ def compute_twist(
     min_depth: float,
     gain: float,
     threshold: float,
-) -> tuple[Array, Array, float] | None:
-    """Return the twist -gain pinv(L) (s - s*), the singular values of L and |s - s*|; None where solve would be.
+) -> tuple[Array, float, Array, float] | None:
+    """Return the twist -gain pinv(L) (s - s*), its norm, the singular values of L and |s - s*|; None as solve.
 
     Args:
         direction: Of n lines in the camera frame, shape (n, 3), n from 2 on.

@@ -9,7 +9,8 @@
 namespace plsing {
 namespace {
 
-double norm_of(const Eigen::VectorXd &vector)
+template <typename Derived>
+double norm_of(const Eigen::MatrixBase<Derived> &vector)
 {
     const double norm = vector.norm();
     // Too large or too small for squares.
@@ -85,7 +86,7 @@ py::object compute_twist(const Vectors &direction, const Vectors &moment, const 
     if (!decomposed.is_finite())
         return py::none();
     const Unknowns twist = decomposed.solve(-gain * decomposed.components(error), threshold);
-    return py::make_tuple(array_of(twist), array_of(decomposed.values()), norm_of(error));
+    return py::make_tuple(array_of(twist), norm_of(twist), array_of(decomposed.values()), norm_of(error));
 }
 
 py::array_t<double> mean_interaction(const Values &image, const Values &target_image,

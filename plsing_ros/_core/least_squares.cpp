@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "least_squares.hpp"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
 #include "core.hpp"
+#include "jacobi.hpp"
 
 namespace plsing {
 
@@ -24,12 +24,14 @@ Svd::Svd(const Eigen::Ref<const Tall> &matrix)
     scaled.topRows(m) = std::ldexp(1.0, -exponent) * matrix;
     triangular_.compute(scaled);
     const Small triangle = triangular_.matrixQR().topRows(k).triangularView<Eigen::Upper>();
-    const Eigen::JacobiSVD<Small, Eigen::NoQRPreconditioner> svd(triangle, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    values_ = svd.singularValues().unaryExpr([exponent](double value) { return std::ldexp(value, exponent); });
+    Matrix6d transposed = Matrix6d::Zero();
+    transposed.topLeftCorner(k, k) = triangle.transpose();
+    const JacobiSvd<max_unknowns> svd(transposed);
+    values_ = svd.values.head(k).unaryExpr([exponent](double value) { return std::ldexp(value, exponent); });
     // Zero, not only to rounding.
     values_.tail(std::max(k - m, Index(0))).setZero();
-    right_ = triangular_.colsPermutation() * svd.matrixV();
-    left_of_triangle_ = svd.matrixU();
+    right_ = triangular_.colsPermutation() * svd.left.topLeftCorner(k, k);
+    left_of_triangle_ = svd.right.topLeftCorner(k, k);
     finite_ = std::isfinite(values_(0));
 }
 

@@ -4,8 +4,9 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <cmath>
+
+#include "jacobi.hpp"
 
 namespace plsing {
 
@@ -62,6 +63,9 @@ Eigen::VectorXd image_error(const Rows3Ref &moment, const Rows3Ref &image_lines)
 
 namespace {
 
+// As _PARALLEL in geometry/line_alignment.py.
+constexpr double min_spread = 1e-6;
+
 // Comparisons are written so that they fail for what is not a number.
 
 bool are_lines(const Vectors &direction, const Vectors &moment, double tolerance)
@@ -99,34 +103,104 @@ bool is_rotation(const View<3, 3> &rotation, double tolerance)
     return (error.array().abs() <= tolerance).all() && rotation.determinant() > 0.0;
 }
 
+// The pose of a camera that sees lines: the rotation that brings directions together best (Kabsch), and the translation
+// of least squares for it.
+struct Alignment {
+    bool is_fixed = false;  // Whether anything but `spread` is of use.
+    Pose pose;
+    // Second singular value of the directions' correlation; least cosine between a direction and the seen one; root mean
+    // square misfit of the moments.
+    double spread = 0.0, min_cosine = 1.0, offset = 0.0;
+};
+
+Alignment aligned(const Rows3Ref &direction, const Rows3Ref &moment, const Rows3Ref &seen_direction,
+                  const Rows3Ref &seen_moment)
+{
+    const Index n = direction.rows();
+    Alignment found;
+    const Matrix3d correlation = direction.transpose() * seen_direction;
+    if (!correlation.allFinite())
+        return found;
+    const JacobiSvd<3> svd(correlation);
+    found.spread = svd.values(1);
+    // The third pair follows from the others by the rule of the right hand.
+    Matrix3d left = svd.left, right = svd.right;
+    left.col(2) = left.col(0).cross(left.col(1));
+    right.col(2) = right.col(0).cross(right.col(1));
+    found.pose.rotation = left * right.transpose();
+    // t x u = l - R l_seen, three rows for each line.
+    Eigen::MatrixX3d matrix(3 * n, 3);
+    Eigen::VectorXd misfit(3 * n);
+    for (Index i = 0; i < n; i++) {
+        const Vector3d u = direction.row(i), turned = found.pose.rotation * seen_direction.row(i).transpose();
+        found.min_cosine = std::min(found.min_cosine, u.dot(turned));
+        matrix.middleRows<3>(3 * i) = -skew(u);
+        misfit.segment<3>(3 * i) = moment.row(i).transpose() - found.pose.rotation * seen_moment.row(i).transpose();
+    }
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixX3d> qr(matrix);
+    if (!misfit.allFinite() || !qr.isInjective())
+        return found;
+    found.pose.translation = qr.solve(misfit);
+    found.offset = (matrix * found.pose.translation - misfit).norm() / std::sqrt(static_cast<double>(n));
+    found.is_fixed = true;
+    return found;
+}
+
 py::object align_lines(const Vectors &direction, const Vectors &moment, const Vectors &seen_direction,
                        const Vectors &seen_moment)
 {
     const Index n = direction.rows();
     require(n > 0 && moment.rows() == n && seen_direction.rows() == n && seen_moment.rows() == n,
             "there must be n lines in each");
-    const Matrix3d correlation = direction.transpose() * seen_direction;
-    if (!correlation.allFinite())
+    const Alignment found = aligned(direction, moment, seen_direction, seen_moment);
+    if (!found.is_fixed)
         return py::none();
-    const Eigen::JacobiSVD<Matrix3d> svd(correlation, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    Matrix3d left = svd.matrixU();
-    if (left.determinant() * svd.matrixV().determinant() < 0.0)
-        left.col(2) *= -1.0;
-    const Matrix3d rotation = left * svd.matrixV().transpose();
-    const Rows3 turned = seen_direction * rotation.transpose();
-    const double min_cosine = (direction.array() * turned.array()).rowwise().sum().minCoeff();
-    // t x u = l - R l_seen, three rows for each line.
-    Tall matrix(3 * n, 3);
+    return py::make_tuple(array_of(found.pose.rotation), array_of(found.pose.translation), found.spread,
+                          found.min_cosine, found.offset);
+}
+
+// Whether image lines and 3-D lines are certain to agree with each other, and with the lines of a scene if there are any,
+// each misfit being within its bound; then `pose` is where the scene's lines put the camera.
+bool agree(const Vectors &image_lines, const Vectors &direction, const Vectors &moment, const Vectors &scene_direction,
+           const Vectors &scene_moment, double min_image_cosine, double min_cosine, double max_offset, Pose &pose)
+{
+    const Index n = image_lines.rows(), expected = scene_direction.rows();
+    require(direction.rows() == n && moment.rows() == n && scene_moment.rows() == expected &&
+                (expected == n || expected == 0),
+            "there must be n lines in each, or none of the scene");
     for (Index i = 0; i < n; i++)
-        matrix.middleRows<3>(3 * i) = -skew(direction.row(i));
-    const Rows3 difference = moment - seen_moment * rotation.transpose();
-    const Eigen::Map<const Eigen::VectorXd> right_side(difference.data(), 3 * n);
-    const Svd decomposed(matrix);
-    if (!decomposed.has_full_rank() || !right_side.allFinite())
-        return py::none();
-    const Vector3d t = decomposed.solve(decomposed.components(right_side));
-    const double offset = (matrix * t - right_side).norm() / std::sqrt(static_cast<double>(n));
-    return py::make_tuple(array_of(rotation), array_of(t), svd.singularValues()(1), min_cosine, offset);
+        if (!(image_lines.row(i).dot(moment.row(i)) >
+              min_image_cosine * std::sqrt(image_lines.row(i).squaredNorm() * moment.row(i).squaredNorm())))
+            return false;
+    if (expected == 0)
+        return true;
+    const Alignment found = aligned(scene_direction, scene_moment, direction, moment);
+    pose = found.pose;
+    return found.is_fixed && found.spread >= min_spread && found.min_cosine >= min_cosine &&
+           found.offset * std::sqrt(static_cast<double>(n)) <= max_offset;
+}
+
+bool are_consistent(const Vectors &image_lines, const Vectors &direction, const Vectors &moment,
+                    const Vectors &scene_direction, const Vectors &scene_moment, double min_image_cosine,
+                    double min_cosine, double max_offset)
+{
+    Pose pose;
+    return agree(image_lines, direction, moment, scene_direction, scene_moment, min_image_cosine, min_cosine,
+                 max_offset, pose);
+}
+
+bool are_consistent_with_pose(const Vectors &image_lines, const Vectors &direction, const Vectors &moment,
+                              const Vectors &scene_direction, const Vectors &scene_moment, double min_image_cosine,
+                              double min_cosine, double max_offset, const View<3, 3> &rotation,
+                              const View<3> &translation, double min_turn_cosine, double max_distance)
+{
+    Pose pose;
+    if (!agree(image_lines, direction, moment, scene_direction, scene_moment, min_image_cosine, min_cosine, max_offset,
+               pose))
+        return false;
+    const double turn_cosine = 0.5 * (pose.rotation.cwiseProduct(rotation).sum() - 1.0);
+    return scene_direction.rows() == 0 ||
+           (turn_cosine >= min_turn_cosine && (pose.translation - translation).norm() <= max_distance);
 }
 
 }  // namespace
@@ -138,6 +212,8 @@ void bind_lines(py::module_ &module)
     module.def("have_images", &have_images);
     module.def("is_rotation", &is_rotation);
     module.def("align_lines", &align_lines);
+    module.def("are_consistent", &are_consistent);
+    module.def("are_consistent", &are_consistent_with_pose);
 }
 
 }  // namespace plsing

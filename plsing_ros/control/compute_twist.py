@@ -45,6 +45,7 @@ class LawTwist(NamedTuple):
         damping: Of the smallest one.
         health: Smallest singular value of L at the current features over where it is taken as nearly unobservable; 1
             for a law without a guard.
+        speed: |twist|, not finite if the twist is not.
     """
 
     twist: Array
@@ -52,6 +53,7 @@ class LawTwist(NamedTuple):
     values: Array
     damping: float
     health: float
+    speed: float
 
 
 def compute_twist(
@@ -101,7 +103,7 @@ def compute_twist(
         full = np.zeros(6)
         full[list(columns)] = twist
         twist = full
-    return LawTwist(twist, gain, solution.singular_values, damping, health)
+    return LawTwist(twist, gain, solution.singular_values, damping, health, math.hypot(*twist.tolist()))
 
 
 def _damped(

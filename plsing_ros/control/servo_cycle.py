@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -127,9 +128,10 @@ class ServoCycle:
             lines, image = self._look_ahead.ahead(lines, image, stamp, parameters.latency)
         if parameters.is_plain:
             view = self.target.view(lines.ids, parameters.columns)
-            asked, error_norm = plain_twist(parameters, lines, image, view.image)
-            self._spread = self._image_spread(lines, image, view)
-            return self._within_limits(lines, asked, error_norm, None, trust, stamp)
+            plain = plain_twist(parameters, lines, image, view.image)
+            if plain is not None:
+                self._spread = partial(_image_spread, parameters, lines, image, view, self._errors)
+                return self._within_limits(lines, *plain, None, trust, stamp)
         with _may_overflow():
             if parameters.law == "detour":
                 return self._along_the_path(lines, image, trust, stamp)
@@ -185,7 +187,8 @@ class ServoCycle:
         twist = parameters.selected(-gain * displacement.twist)
         used = np.array(parameters.degrees_of_freedom, dtype=float)
         self._spread = lambda: displacement.covariance() * np.outer(used, used)
-        asked = LawTwist(twist, gain, decompose_interaction(lines).singular_values, 0.0, 1.0)
+        values = decompose_interaction(lines).singular_values
+        asked = LawTwist(twist, gain, values, 0.0, 1.0, math.hypot(*twist.tolist()))
         return self._within_limits(lines, asked, error_norm, None, trust, stamp)
 
     def _averaged(self, gain: float, stamp: int) -> float:
@@ -210,33 +213,35 @@ class ServoCycle:
         error, error_norm = feature_error(image, view.image)
         integral = self._integrated(error, lines.ids, stamp)
         asked = compute_twist(parameters, interaction_matrix(lines), image, error, integral, view, displacement)
-        self._spread = self._image_spread(lines, image, view)
+        self._spread = partial(_image_spread, parameters, lines, image, view, self._errors)
         return self._within_limits(lines, asked, error_norm, reference, trust, stamp)
 
     def _within_limits(
         self, lines: LineSet, asked: LawTwist, error_norm: float, reference: Reference | None, trust: float, stamp: int
     ) -> Command:
         parameters = self.parameters
-        wanted = asked.twist if reference is None else asked.twist + parameters.selected(reference.feedforward)
-        if not (_is_finite(wanted) and math.isfinite(error_norm)):
+        twist, speed = asked.twist, asked.speed
+        if reference is not None:
+            twist = twist + parameters.selected(reference.feedforward)
+            speed = math.hypot(*twist.tolist())
+        if not (math.isfinite(speed) and math.isfinite(error_norm)):
             return self._halted(
-                f"the control law gave a twist that is not finite: {wanted.tolist()}, from an error of {error_norm:.3g}"
+                f"the control law gave a twist that is not finite: {twist.tolist()}, from an error of {error_norm:.3g}"
             )
-        scale = trust * self._guarded(lines, asked)
-        twist, limited = saturated(wanted if scale == 1.0 else wanted * scale, *parameters.speed_limits)
-        output = twist
-        if parameters.tool_frame:
-            with _may_overflow():
-                output = tool_twist(parameters.T_tool_camera, twist)
-            if not _is_finite(output):
-                return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
+        scale = trust if parameters.law != "guarded" else trust * self._guarded(lines, asked)
+        if scale != 1.0:
+            twist = twist * scale
+        twist, limited = saturated(twist, *parameters.speed_limits)
+        output = twist if not parameters.tool_frame else self._tool_twist(twist)
+        if output is None:
+            return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
         self._factor = scale * limited
         self._speed = self._factor * asked.gain
         self._look_ahead.sent(twist, stamp)
         values = asked.values.tolist()
         mode, reason = Mode.SERVOING, ""
         if reference is None or reference.progress >= 1.0:
-            mode, reason = self._progress(lines, error_norm, asked.gain, values, twist, stamp)
+            mode, reason = self._progress(lines, error_norm, asked.gain, values, speed * self._factor, stamp)
         return Command(
             mode,
             reason,
@@ -252,11 +257,11 @@ class ServoCycle:
             0.0 if reference is None else reference.progress,
         )
 
-    def _image_spread(self, lines: LineSet, image: Array, view: TargetView) -> Callable[[], Array]:
-        parameters, (covariances, pose) = self.parameters, self._errors
-        own = parameters.image_covariance if covariances is None else covariances
-        of_pose = parameters.pose_covariance if pose is None else pose.covariance
-        return lambda: image_twist_covariance(parameters, lines, image, view, own, of_pose)
+    def _tool_twist(self, twist: Array) -> Array | None:
+        """Return the twist of the tool, or None if it is not finite."""
+        with _may_overflow():
+            output = tool_twist(self.parameters.T_tool_camera, twist)
+        return output if math.isfinite(sum(output.tolist())) else None
 
     def _halted(self, reason: str) -> Command:
         self._factor, self._spread = 0.0, None
@@ -271,7 +276,7 @@ class ServoCycle:
 
     def _guarded(self, lines: LineSet, asked: LawTwist) -> float:
         parameters = self.parameters
-        if parameters.law != "guarded" or asked.health >= 1.0:
+        if asked.health >= 1.0:
             return 1.0
         offsets, velocity = None, asked.twist[:3]
         pose = None if self._loci is None else self._loci.camera_pose(lines)
@@ -280,13 +285,13 @@ class ServoCycle:
         return guarded_scale(offsets, velocity, asked.health, parameters.guard_margin, parameters.guard_floor)
 
     def _progress(
-        self, lines: LineSet, error_norm: float, gain: float, values: list[float], twist: Array, stamp: int
+        self, lines: LineSet, error_norm: float, gain: float, values: list[float], speed: float, stamp: int
     ) -> tuple[Mode, str]:
         parameters = self.parameters
         if error_norm <= parameters.converged_error:
             return Mode.CONVERGED, f"error norm {error_norm:.3g} is below {parameters.converged_error:g}"
         # The image changes by at most the largest singular value times the twist.
-        ratio = values[0] * math.sqrt(sum([each * each for each in twist.tolist()])) / (gain * error_norm)
+        ratio = values[0] * speed / (gain * error_norm)
         duration = self._stall.stalled_for(ratio, error_norm, parameters.stall_ratio, parameters.stall_error, stamp)
         if duration is None or duration < parameters.stall_time:
             return Mode.SERVOING, ""
@@ -304,6 +309,15 @@ def _may_overflow() -> np.errstate:
     return np.errstate(over="ignore", invalid="ignore")
 
 
-def _is_finite(twist: Array) -> bool:
-    # A sum of finite numbers that overflows is no twist either.
-    return math.isfinite(sum(twist.tolist()))
+def _image_spread(
+    parameters: ControllerParameters,
+    lines: LineSet,
+    image: Array,
+    view: TargetView,
+    errors: tuple[Array | None, PoseErrors | None],
+) -> Array:
+    """Return the covariance of a law's twist per gain squared, from errors of image lines and pose."""
+    covariances, pose = errors
+    own = parameters.image_covariance if covariances is None else covariances
+    of_pose = parameters.pose_covariance if pose is None else pose.covariance
+    return image_twist_covariance(parameters, lines, image, view, own, of_pose)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plsing_ros import _core
 from plsing_ros.arrays import Array, cross
 from plsing_ros.errors import GeometryError
 from plsing_ros.features.contradictions import Explanations, fit_of, image_contradiction, text_of_pose
@@ -21,6 +22,7 @@ _OTHER_SIDE = 1.9
 _SUSPICIOUS = 0.08
 # Up to this share of what is allowed, directions are not looked at line by line.
 _SURE = 0.1
+_NOTHING = np.empty((0, 3))
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,8 @@ class ConsistencyCheck:
         """
         self._scene = scene
         self.tolerances = Tolerances() if tolerances is None else tolerances
+        self._sure = math.cos(_SUSPICIOUS), math.cos(_SURE * self.tolerances.direction), self.tolerances.position
+        self._near = math.cos(min(self.tolerances.rotation, math.pi)), self.tolerances.position
         self._explanations = Explanations()
         # Of the latest lines, which seldom change: their ids and rows in the scene.
         self._latest: tuple[tuple[int, ...], LineSet] | None = None
@@ -93,7 +97,7 @@ class ConsistencyCheck:
             T_world_camera: Where the camera is said to be, if that is known from elsewhere.
         """
         lines = observation.lines_camera
-        if lines is None:
+        if lines is None or self._agrees(observation.usable_image_lines, lines, T_world_camera):
             return None
         with np.errstate(over="ignore", invalid="ignore"):
             problem = self._of_image(observation.usable_image_lines, lines)
@@ -103,6 +107,22 @@ class ConsistencyCheck:
             if seen is None or expected is None:
                 return None
             return self._of_scene(expected, seen, T_world_camera)
+
+    def _agrees(self, image: Array, lines: LineSet, told: Pose | None) -> bool:
+        """Return whether nothing is near what is allowed: most frames need no more."""
+        if self._scene is None:
+            expected = _NOTHING, _NOTHING
+        elif lines.ids == self._scene.ids:
+            expected = self._scene.direction, self._scene.moment
+        elif self._latest is not None and lines.ids == self._latest[0]:
+            expected = self._latest[1].direction, self._latest[1].moment
+        else:
+            return False
+        if told is None:
+            return _core.are_consistent(image, lines.direction, lines.moment, *expected, *self._sure)
+        return _core.are_consistent(
+            image, lines.direction, lines.moment, *expected, *self._sure, told.rotation, told.translation, *self._near
+        )
 
     def _of_image(self, image: Array, lines: LineSet) -> str | None:
         """Compare the planes of image lines with those of the message's own 3-D lines."""

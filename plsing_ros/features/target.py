@@ -61,7 +61,8 @@ class Target:
         self._image = observation.usable_image_lines
         self.lines = observation.lines_camera
         # Of the ids asked for last: they change only when lines come in or out of sight.
-        self._latest: tuple[tuple[int, ...], tuple[int, ...], TargetView] | None = None
+        self._latest: tuple[tuple[int, ...], tuple[int, ...]] | None = None
+        self._view: TargetView
 
     def __contains__(self, identity: int) -> bool:
         return identity in self._row
@@ -73,14 +74,14 @@ class Target:
             ids: At least one.
             columns: Of L: the degrees of freedom in use.
         """
-        if self._latest is not None and self._latest[:2] == (ids, columns):
-            return self._latest[2]
+        if self._latest == (ids, columns):
+            return self._view
         rows = [self._row[i] for i in ids]
         interaction: Array | None = None
         singular_values: Array | None = None
         if self.lines is not None:
             interaction = interaction_matrix(self.lines.select(rows))[:, columns]
             singular_values = decompose(interaction).singular_values
-        view = TargetView(np.ravel(self._image[rows]), interaction, singular_values)
-        self._latest = (ids, columns, view)
-        return view
+        self._latest = ids, columns
+        self._view = TargetView(np.ravel(self._image[rows]), interaction, singular_values)
+        return self._view

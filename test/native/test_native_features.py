@@ -166,10 +166,13 @@ def test_the_twist_is_that_of_the_textbook_for_any_number_of_lines(n, threshold)
     lines = LineSet.from_points_directions(generator.normal(size=(n, 3)) + [0, 0, 5], generator.normal(size=(n, 3)))
     image, desired = generator.normal(size=(2, 3 * n))
     matrix = interaction_matrix(lines)
-    twist, values, norm = _core.compute_twist(lines.direction, lines.moment, image, desired, MIN_DEPTH, 0.1, threshold)
+    twist, speed, values, norm = _core.compute_twist(
+        lines.direction, lines.moment, image, desired, MIN_DEPTH, 0.1, threshold
+    )
     expected = -0.1 * np.linalg.pinv(matrix, rcond=threshold) @ (image - desired)
     np.testing.assert_allclose(twist, expected, rtol=1e-9)
     np.testing.assert_allclose(values, np.linalg.svd(matrix, compute_uv=False), rtol=1e-9)
+    assert speed == pytest.approx(np.linalg.norm(twist), rel=1e-14)
     assert norm == pytest.approx(np.linalg.norm(image - desired), rel=1e-14)
 
 
