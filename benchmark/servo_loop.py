@@ -186,6 +186,8 @@ class _Package:
                     "max_angular_speed": ROBOT_LIMITS[1],
                     "latency": _latency(condition),
                     "features_timeout": 1.0,
+                    # Rivals go on by poor lines as by others.
+                    "poor_lines": "ignore",
                     **contender.options,
                 }
             )

@@ -16,6 +16,7 @@ import os
 import random
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import rclpy
@@ -39,12 +40,14 @@ def main(quick: bool = False) -> None:
         "most | later than 350 ms | moving twists after the zero | shared memory of Fast DDS in the controller |"
     )
     print("|---|---|---|---|---|---|---|")
-    for name, settings, kills, times in (
-        ("its own (UDP)", {}, False, 200),
-        ("its own (UDP)", {}, True, 40),
-        ("shared memory", {TRANSPORTS: "DEFAULT"}, False, 60),
+    for name, settings, kills, times, priority in (
+        ("its own (UDP)", {}, False, 200, None),
+        ("its own (UDP)", {}, True, 40, None),
+        ("its own (UDP), nice -n -10", {}, False, 40, _nice),
+        ("its own (UDP), chrt --fifo 50", {}, False, 40, _fifo),
+        ("shared memory", {TRANSPORTS: "DEFAULT"}, False, 60, None),
     ):
-        late, moving, mapped = measure(times // 20 if quick else times, settings, kills)
+        late, moving, mapped = measure(times // 20 if quick else times, settings, kills, priority)
         late.sort()
         print(
             f"| {name} | {'killed' if kills else 'stopped'} | {len(late)} | {1e3 * late[len(late) // 2]:.0f} / "
@@ -53,13 +56,24 @@ def main(quick: bool = False) -> None:
         )
 
 
-def measure(times: int, settings: dict[str, str], kills: bool = False) -> tuple[list[float], int, int]:
+def _nice(process: int) -> None:
+    os.setpriority(os.PRIO_PROCESS, process, -10)
+
+
+def _fifo(process: int) -> None:
+    os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(50))
+
+
+def measure(
+    times: int, settings: dict[str, str], kills: bool = False, priority: Callable[[int], None] | None = None
+) -> tuple[list[float], int, int]:
     """Return how late each zero twist was [s], how many moving twists came after one, and shared memory segments.
 
     Args:
         times: How often to stop the simulator.
         settings: Environment of the controller.
         kills: Whether the simulator is killed and started anew, and not stopped for a while.
+        priority: What to do with the threads of the controller, by their ids; it needs the right to it.
     """
     base = {key: value for key, value in os.environ.items() if key not in (TRANSPORTS, RANGE, "ROS_LOCALHOST_ONLY")}
     base["ROS_DOMAIN_ID"] = os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randrange(60, 100))
@@ -72,8 +86,11 @@ def measure(times: int, settings: dict[str, str], kills: bool = False) -> tuple[
         simulator = processes.start("feature_simulator", [file], {"mode": "realtime"})
         limits = {"features_timeout": 0.2, "gain": 0.02}
         controller = processes.start("controller", [file], limits, settings=settings)
-        for _ in range(times):
+        for number in range(times):
             ears.wait_until_moving()
+            if number == 0 and priority is not None:
+                for thread in Path(f"/proc/{controller.pid}/task").iterdir():
+                    priority(int(thread.name))
             ears.listen(chance.uniform(0.0, 1.0))
             ears.twists.clear()
             simulator.send_signal(signal.SIGKILL if kills else signal.SIGSTOP)
@@ -90,7 +107,7 @@ def measure(times: int, settings: dict[str, str], kills: bool = False) -> tuple[
             else:
                 simulator.send_signal(signal.SIGCONT)
         mapped = {line.split()[-1] for line in Path(f"/proc/{controller.pid}/maps").read_text().splitlines()}
-    return late, moving_after, sum("fastrtps" in each or "fastdds" in each for each in mapped)
+    return late, moving_after, sum(each.startswith("/dev/shm/fast") for each in mapped)
 
 
 class _Ears:

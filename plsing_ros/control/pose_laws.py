@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -20,8 +21,18 @@ from plsing_ros.geometry.rotations import exponential, rotation_vector
 _MEMORY = 0.05
 # Image lines that differ less from those of their 3-D lines were computed from them.
 _EXACT = 1e-9
+# By which share of a change of the image it may be wrong where map and focal length are.
+_CHANGES = 0.05
 # A pose is doubted when the image explains more than this times what its covariance allows.
 _DOUBTFUL = 2.0
+# More at first, for chance averages out with the root of the frames: less than one in a million is more than this.
+_AT_FIRST = 4.0
+# What is left of a doubt after a frame that shows nothing of it: hundreds of frames until a pose is trusted again.
+_TRUST_AGAIN = 0.002
+_NO_DOUBT = 0.05
+# The variances of a doubted pose are so many times those that the image shows along what it sees: what it does not see
+# may be farther off.
+_FEAR = 24.0
 # Degrees of freedom of a pose.
 _OF_A_POSE = 6.0
 # Steps to where a doubted pose is corrected to: the first is only right for a small correction.
@@ -75,9 +86,12 @@ class PoseLaws:
         self._seen_there = target.lines
         self._taught: Array = np.zeros(0)
         self._computed = False
+        self._image_there: Array = np.zeros(0)
         self._shown: Array | None = None
-        # What was seen lately, over what is said: of the image's errors, and of the pose's; None before the first.
-        self._noise, self._doubt = 1.0, -1.0
+        # What was seen lately, over what is said: of the image's errors, and of the pose's.
+        self._noise, self._explained, self._frames = 1.0, 1.0, 0
+        # By how much the pose is doubted, which is not forgotten where the image shows less of it.
+        self._doubt = 0.0
 
     def by_pose(self, lines: LineSet, covariance: Array) -> Displacement:
         """Return the displacement by 3-D lines alone.
@@ -135,7 +149,7 @@ class PoseLaws:
             # A filter has weighed the image already, and so has the map from which the target is.
             return told
         own = np.broadcast_to(own, (len(lines), 3))
-        lasting = self._lasting(lines, own, map_std)
+        lasting = self._lasting(lines, image, own, map_std)
         shown = 0.0 if self._computed else 1.0
         J, r = self._seen_error(lines, image)
         doubt = self._update(_whitened(J, own + lasting), _whitened(r[:, np.newaxis], own + lasting)[:, 0], P, shown)
@@ -144,7 +158,7 @@ class PoseLaws:
         if doubt == 0.0:
             information, pull = _information(J, r, weights)
             information = information + np.linalg.inv(believed)
-            delta = np.linalg.solve(information, pull)
+            delta = np.asarray(np.linalg.solve(information, pull), dtype=float)
             return Displacement(_composed(told.twist, delta), lambda: _propagated(J, weights, information, own, P))
         feared = believed + doubt * (1.0 + shown) * P
         twist = self._doubted(lines, image, told.twist, weights, believed, feared)
@@ -164,11 +178,12 @@ class PoseLaws:
             believed: Of the pose, as it says.
             feared: Of the pose, as the image says.
         """
-        delta, there, known = np.zeros(6), lines, np.linalg.inv(feared)
+        delta: Array = np.zeros(6)
+        there, known = lines, np.linalg.inv(feared)
         for _ in range(_STEPS):
             J, r = self._seen_error(there, image)
             normal, pull = _information(J, r + J @ delta, weights)
-            delta = np.linalg.solve(normal + known, pull)
+            delta = np.asarray(np.linalg.solve(normal + known, pull), dtype=float)
             moved = lines.transformed(Pose(exponential(delta[3:])[0], _shift(delta)).inverse(), lines.frame)
             if not have_images(moved):
                 break
@@ -179,19 +194,21 @@ class PoseLaws:
         doubtful, axes = np.linalg.eigh(covariance - np.linalg.inv(normal + np.linalg.inv(believed)))
         along = axes.T @ twist
         share = 1.0 - np.minimum(_DEVIATIONS**2 * np.maximum(doubtful, 0.0) / np.maximum(along**2, 1e-30), 1.0)
-        gone: Array = axes @ (share * along)
-        return gone
+        return np.asarray(axes @ (share * along), dtype=float)
 
     def _seen_error(self, lines: LineSet, image: Array) -> tuple[Array, Array]:
         """Return J, shape (2n, 6), and r, shape (2n,)."""
         return polar(interaction_matrix(lines), project_lines(lines)), mismatch(image, lines) - self._taught
 
-    def _lasting(self, lines: LineSet, own: Array, map_std: float) -> Array:
+    def _lasting(self, lines: LineSet, image: Array, own: Array, map_std: float) -> Array:
         """Return the covariances of errors of image lines that are the same in all frames, shape (n, 3)."""
         if self._computed:
             lasting: Array = np.square(map_std / image_depth(lines))[:, np.newaxis] * (1.0, 0.0, 1.0)
             return lasting
-        return own if self._shown is None else self._shown
+        # What map and focal length do at the target cancels, and what they do elsewhere grows with the way there.
+        changed = np.square(_CHANGES * difference(image, self._image_there)).reshape(-1, 2).sum(axis=1)
+        of_calibration: Array = changed[:, np.newaxis] * (1.0, 0.0, 1.0)
+        return of_calibration + (own if self._shown is None else self._shown)
 
     def _update(self, J: Array, r: Array, pose: Array, shown: float) -> float:
         """Learn from whitened J and r how large the errors are, and return by how much the pose is doubted.
@@ -204,9 +221,13 @@ class PoseLaws:
         explained = square - float(right @ np.linalg.solve(normal + known, right)) - left
         seen = left / max(len(r) - _OF_A_POSE, 1.0)
         self._noise = max(1.0, self._noise + _MEMORY * (seen - self._noise))
-        excess = explained / (_OF_A_POSE * self._noise)
-        self._doubt = excess if self._doubt < 0.0 else self._doubt + _MEMORY * (excess - self._doubt)
-        return _OF_A_POSE * max(0.0, self._doubt - _DOUBTFUL)
+        self._frames += 1
+        # The mean of the first frames, then of the latest.
+        share = max(_MEMORY, 1.0 / self._frames)
+        self._explained += share * (explained / (_OF_A_POSE * self._noise) - self._explained)
+        excess = self._explained - _DOUBTFUL - _AT_FIRST / math.sqrt(self._frames)
+        self._doubt = max(0.0, excess, self._doubt * (1.0 - _TRUST_AGAIN))
+        return _FEAR * self._doubt if self._doubt > _NO_DOUBT else 0.0
 
     def _look_at(self, ids: tuple[int, ...]) -> None:
         if ids == self._ids:
@@ -217,6 +238,7 @@ class PoseLaws:
         image = self._target.observation.usable_image_lines[rows].ravel()
         self._taught = mismatch(image, self._seen_there)
         self._computed = bool(np.abs(self._taught).max() < _EXACT)
+        self._image_there = image
         known = self._target.observation.usable_covariances
         self._shown = None if known is None else known[rows]
 
@@ -228,7 +250,12 @@ def mismatch(image: Array, lines: LineSet) -> Array:
         image: Shape (3n,).
         lines: In the camera frame.
     """
-    (x, y, z), (x0, y0, z0) = image.reshape(-1, 3).T, project_lines(lines).reshape(-1, 3).T
+    return difference(image, project_lines(lines))
+
+
+def difference(image: Array, other: Array) -> Array:
+    """Return by which angles and offsets image lines differ from others, both of shape (3n,); shape (2n,)."""
+    (x, y, z), (x0, y0, z0) = image.reshape(-1, 3).T, other.reshape(-1, 3).T
     return np.stack([np.arctan2(x0 * y - y0 * x, x0 * x + y0 * y), z - z0], axis=-1).ravel()
 
 
