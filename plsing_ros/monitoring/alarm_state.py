@@ -34,7 +34,7 @@ class AlarmState:
         for i, (name, value, thresholds, *_) in enumerate(indicators):
             latch = latches.get(name)
             if latch is None:
-                latch = latches[name] = Hysteresis()
+                latch = latches[name] = Hysteresis(None if indicators[i].counts_at_once else OK)
             if i < suppressed:
                 value = math.inf
             if latch.calm and value >= thresholds.alarm:

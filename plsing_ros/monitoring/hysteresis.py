@@ -72,15 +72,16 @@ class Debounce:
 class Hysteresis:
     """The level of one number, with hysteresis and debounce.
 
-    The first number counts at once: there is nothing yet that it could chatter against.
+    The first number counts at once, unless a level to begin with is given: there is nothing yet that it could chatter
+    against.
 
     Attributes:
         calm: Whether a number above all thresholds changes nothing: the level is OK, and not about to be raised.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, level: Level | None = None) -> None:
         self.calm = False
-        self._level: Level | None = None
+        self._level = level
         self._better: Level = Level.OK
         self._raising = 0
         self._lowering = 0

@@ -47,6 +47,7 @@ class Indicator(NamedTuple):
         thresholds: Where it becomes a concern.
         text: Returns it in words, for reasons.
         unit: Of the value, with a space before it.
+        counts_at_once: Whether the first value decides the level; else it must last as later ones must.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Indicator(NamedTuple):
     thresholds: Thresholds
     text: Callable[[], str]
     unit: str = ""
+    counts_at_once: bool = True
 
     def reason(self, level: Level) -> str:
         """Return why it calls for a level, in words."""
@@ -64,7 +66,14 @@ class Indicator(NamedTuple):
         return f"{self.text()} is {side} {1.0 / threshold:.4g} {_RISING[self.name]}".rstrip()
 
 
-_TRUSTED = Indicator("lines_verdict", 1.0, _TRUST_THRESHOLDS, lambda: "trust in the 3-D lines, poor a moment ago,")
+# An estimator's first image alone is often ambiguous, and the second one is not.
+_TRUSTED = Indicator(
+    "lines_verdict",
+    1.0,
+    _TRUST_THRESHOLDS,
+    lambda: "trust in the 3-D lines, poor a moment ago,",
+    counts_at_once=False,
+)
 
 
 class Indicators:
@@ -283,6 +292,7 @@ def verdict_indicator(observation: LineObservation, is_rolled_out: bool = False)
         _TRUST[verdict],
         _TRUST_THRESHOLDS,
         lambda: f"trust in the 3-D lines ({verdict.name}{': ' if why else ''}{why})",
+        counts_at_once=False,
     )
 
 

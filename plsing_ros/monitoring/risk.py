@@ -15,7 +15,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import PlsingError
-from plsing_ros.features import LineObservation
+from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
 from plsing_ros.monitoring.evidence import Evidence
 from plsing_ros.monitoring.law_check import LawCheck
@@ -30,8 +30,6 @@ from plsing_ros.singularities import SingularSet
 _SECOND = 1_000_000_000
 # A command for features older than this is no longer carried out [ns].
 _REST = _SECOND
-# The share of samples that may demand more than `demand` says.
-_DEMANDING = 0.25
 # An answer counts until the next ones are overdue by this factor of their period.
 _OVERDUE = 10.0
 # Answers of about this time count together [s].
@@ -68,8 +66,8 @@ class Risk:
 
     @cached_property
     def demand(self) -> float:
-        """Largest expected commanded speed over the robot's limit, or 1.5 times the first one if that is more."""
-        return float(np.quantile(self.outcomes.demand, 1.0 - _DEMANDING))
+        """Largest commanded speed over the robot's limit, or 1.5 times the first one if that is more: its median."""
+        return float(np.median(self.outcomes.demand))
 
     @cached_property
     def time_to_harm(self) -> float | None:
@@ -169,7 +167,9 @@ class RiskPredictor:
             parameters: In force.
         """
         off = parameters.controller == "unknown" or parameters.horizon == 0.0
-        if pose is None or T_world_target is None or off:
+        # Where another pose explains the image as well, nothing is known of the run.
+        ambiguous = observation.verdict is LinesVerdict.AMBIGUOUS
+        if pose is None or T_world_target is None or off or ambiguous:
             return None
         self._stamps = [*self._stamps[-9:], stamp]
         self._collect()
