@@ -21,7 +21,7 @@ from plsing_ros.monitoring.evidence import Evidence
 from plsing_ros.monitoring.law_check import LawCheck
 from plsing_ros.monitoring.map_residuals import MapResiduals
 from plsing_ros.monitoring.rollout import Harm, Outcomes, RolloutLaw, RunState
-from plsing_ros.monitoring.rollout_setup import FRAME_PERIOD, MAX_STEPS, poses_around, rollout_task
+from plsing_ros.monitoring.rollout_setup import FIRST_STEPS, FRAME_PERIOD, MAX_STEPS, poses_around, rollout_task
 from plsing_ros.monitoring.run_clock import RunClock
 from plsing_ros.monitoring.shaking import expected_shaking
 from plsing_ros.parameters import MonitorParameters
@@ -212,14 +212,16 @@ class RiskPredictor:
         state = RunState(
             law.deadline, clock.start_distance, elapsed, *clock.first_speeds, command, command, clock.arrived_for
         )
-        task = rollout_task(singular, target, law, parameters, self._frame_period(), observation)
+        is_first = self._latest is None
+        steps = FIRST_STEPS if is_first else MAX_STEPS
+        task = rollout_task(singular, target, law, parameters, self._frame_period(), observation, steps)
         residuals = None if self._residuals is None else self._residuals.rows()
         seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose)
         samples, seed, check, run = parameters.samples, self._seed, self._law_check, clock.run
         # As long as the loop is the same the target is held as well as it was; the first answer does not wait for that.
         loop = (law, target, parameters, singular)
         held = self._shaking is not None and self._shaking[0] == loop
-        shaking, is_first = self._shaking[1] if held and self._shaking is not None else None, self._latest is None
+        shaking = self._shaking[1] if held and self._shaking is not None else None
         does_compare = not (parameters.latency or parameters.integral_gain or any(parameters.secondary_twist))
 
         def answer() -> _Answer | None:

@@ -17,6 +17,8 @@ from plsing_ros.singularities import SingularSet
 
 # Steps of one answer, all samples together; with more, the roll-out has longer steps.
 MAX_STEPS = 30_000
+# Of the first answer, which the controller may be waiting for.
+FIRST_STEPS = 8_000
 # Between two frames as long as it is not known [s].
 FRAME_PERIOD = 1.0 / 30.0
 
@@ -28,6 +30,7 @@ def rollout_task(
     parameters: MonitorParameters,
     period: float,
     seen: LineObservation | None = None,
+    max_steps: int = MAX_STEPS,
 ) -> RolloutTask:
     """Return the loop of a monitor's parameters with frames of a period [s].
 
@@ -36,7 +39,7 @@ def rollout_task(
     lines: LineSet = singular.lines
     horizon = law.horizon
     # Never more steps than an answer may cost; latency stays what it is in seconds.
-    step = max(period, horizon * parameters.samples / MAX_STEPS)
+    step = max(period, horizon * parameters.samples / max_steps)
     linear, angular = parameters.robot_linear_speed or math.inf, parameters.robot_angular_speed or math.inf
     loop = LoopModel(
         period=step,

@@ -8,7 +8,7 @@ import pytest
 from near_transversal_scene import LOOK, SCENE, SECOND, START_2, TARGET
 from scipy.spatial.transform import Rotation
 
-from plsing_ros.features import LineObservation
+from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.risk import RiskPredictor
@@ -163,3 +163,31 @@ def test_features_that_are_refused_keep_one_state_and_one_kind():
         said |= {(each.level, each.kind) for each in (found, silent)}
         assert "no features" not in silent.reason
     assert len(said) == 1 and {level for level, _ in said} == {Level.UNOBSERVABLE}
+
+
+def test_lines_are_not_rolled_out_while_ambiguous_and_alert_from_the_second_frame_on():
+    watched = Watched()
+    seen = LineObservation.of_lines(SCENE.transformed(CALM.inverse(), "camera"))
+    doubtful = dataclasses.replace(seen, verdict=LinesVerdict.AMBIGUOUS, verdict_reason="another pose fits")
+    levels = []
+    for _ in range(3):
+        watched.now += STEP
+        watched.monitor.receive_pose(CALM, watched.now)
+        found = watched.monitor.answer(doubtful, watched.now, watched.now)
+        assert found.risk is None
+        levels.append(found.level)
+    assert levels == [Level.OK, Level.CRITICAL, Level.CRITICAL] and "another pose fits" in found.reason
+
+
+def test_poor_lines_do_not_alert_where_samples_of_their_pose_are_rolled_out():
+    seen = LineObservation.of_lines(SCENE.transformed(CALM.inverse(), "camera"))
+    poor = dataclasses.replace(seen, verdict=LinesVerdict.POOR, verdict_reason="few lines")
+    levels = set()
+    for covariance in (1e-8 * np.eye(6), None):
+        watched = Watched()
+        for _ in range(3):
+            watched.now += STEP
+            watched.monitor.receive_pose(CALM, watched.now, covariance)
+            found = watched.monitor.answer(poor, watched.now, watched.now)
+        levels.add((covariance is None, found.level))
+    assert levels == {(False, Level.OK), (True, Level.WARN)}
