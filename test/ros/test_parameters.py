@@ -117,10 +117,14 @@ def test_live_changes_are_taken_or_refused_as_a_whole(ros, paper):
     assert node.get_parameter("warn.transversal_distance").value == 0.5
 
 
+# The worse the larger they are, and of the same size.
+SMALL = ("position_std", "rotation_std", "shaking")
+
+
 def another(name, value):
     """An allowed value other than the present one; in order of declaration no rule between values is broken."""
     rising = {"warn.": 1e-3, "critical.": 1e-2}
-    if "position_std" in name and name.startswith(tuple(rising)):
+    if name.split(".")[-1].removesuffix("_exit") in SMALL and name.startswith(tuple(rising)):
         return (
             5e-4 if name.endswith("_exit") else next(high for level, high in rising.items() if name.startswith(level))
         )
