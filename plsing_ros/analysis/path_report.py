@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 
 from plsing_ros.analysis.accuracy import Camera, line_information, position_deviations
+from plsing_ros.analysis.path_risk import HARM_TEXT, PathRisk
 from plsing_ros.arrays import Array, vector_text
 from plsing_ros.geometry import Pose
 from plsing_ros.singularities import SingularSet
 
 # z below which the lines' tolerances leave it open whether a camera is singular.
 _MAY_BE_SINGULAR = 3.0
+# Shares of roll-outs that come to harm above which a path is doubtful, and bad.
+_POSSIBLE, _LIKELY = 0.1, 0.5
 
 
 class PathVerdict(enum.Enum):
@@ -44,6 +47,7 @@ class PathReport:
         lines_in_view: How many, shape (k,).
         clearance: Distance to loci that was asked for [m].
         accuracy: Deviation that was asked for [m].
+        risk: What runs from each pose to the target would come to; None if the target is not known.
     """
 
     center: Array
@@ -56,6 +60,7 @@ class PathReport:
     lines_in_view: Array
     clearance: float
     accuracy: float
+    risk: PathRisk | None = None
 
     @property
     def verdict(self) -> PathVerdict:
@@ -63,6 +68,10 @@ class PathReport:
         may_be = np.nan_to_num(self.z, nan=math.inf) < _MAY_BE_SINGULAR
         if may_be.any() or (self.nearest_distance == 0.0).any() or not np.isfinite(self.deviation).all():
             return PathVerdict.BAD
+        if self.risk is not None and self.risk.probability.max() >= _LIKELY:
+            return PathVerdict.BAD
+        if self.risk is not None and (self.risk.probability.max() >= _POSSIBLE or self.risk.demand.max() > 1.0):
+            return PathVerdict.DOUBTFUL
         if self.nearest_distance.min() < self.clearance or self.deviation.max() > self.accuracy:
             return PathVerdict.DOUBTFUL
         return PathVerdict.GOOD
@@ -94,8 +103,27 @@ class PathReport:
         if seen.max() > self.accuracy:
             row = int(np.argmax(seen))
             found.append(
-                f"the position is known to {1000.0 * seen[row]:.3g} mm only at {vector_text(self.center[row])} m; "
+                f"the position is known to {_length(seen[row])} only at {vector_text(self.center[row])} m; "
                 f"asked were {1000.0 * self.accuracy:g} mm: use more lines, or others (select_lines)"
+            )
+        return found + self._risk_reasons()
+
+    def _risk_reasons(self) -> list[str]:
+        risk = self.risk
+        if risk is None:
+            return []
+        found, row = [], int(np.argmax(risk.probability))
+        if risk.probability[row] >= _POSSIBLE:
+            found.append(
+                f"a run with law {risk.law} from {vector_text(self.center[row])} m comes to harm in "
+                f"{risk.probability[row]:.0%} of the roll-outs: the camera {HARM_TEXT[risk.harm[row]]}. Try another "
+                "law (evaluate compares them all), or start elsewhere"
+            )
+        fast = int(np.argmax(risk.demand))
+        if risk.demand[fast] > 1.0:
+            found.append(
+                f"a run with law {risk.law} from {vector_text(self.center[fast])} m demands "
+                f"{risk.demand[fast]:.2g} times the robot's speed limit: set max_linear_speed, or use law guarded"
             )
         return found
 
@@ -108,8 +136,13 @@ class PathReport:
             f"  nearest named locus: {where}",
             f"  nearest singular centre, to first order: {self.singular_distance.min():.3g} m",
             f"  lowest 1/cond, of normal: {self.relative_condition.min():.2g}",
-            f"  position known to, at worst: {1000.0 * self.deviation.max():.3g} mm (one standard deviation)",
+            f"  position known to, at worst: {_length(self.deviation.max())} (one standard deviation)",
         ]
+        if self.risk is not None:
+            rows.append(
+                f"  run with law {self.risk.law}: harm at most {self.risk.probability.max():.0%}, speed at most "
+                f"{self.risk.demand.max():.2g} of the robot's limit"
+            )
         return "\n".join([*rows, *(f"  - {reason}" for reason in self.reasons())])
 
     def as_json(self) -> dict[str, Any]:
@@ -117,6 +150,7 @@ class PathReport:
         return {
             "verdict": self.verdict.value,
             "reasons": self.reasons(),
+            "law": None if self.risk is None else self.risk.law,
             "poses": [
                 {
                     "center": self.center[i].tolist(),
@@ -127,6 +161,8 @@ class PathReport:
                     "z": _number(self.z[i]),
                     "position_deviation": _number(self.deviation[i]),
                     "lines_in_view": int(self.lines_in_view[i]),
+                    "risk": None if self.risk is None else float(self.risk.probability[i]),
+                    "demand": None if self.risk is None else _number(self.risk.demand[i]),
                 }
                 for i in range(len(self.center))
             ],
@@ -140,6 +176,7 @@ def report_path(
     ends: Array | None = None,
     clearance: float = 0.1,
     accuracy: float = 0.02,
+    risk: PathRisk | None = None,
 ) -> PathReport:
     """Return what awaits a camera at poses.
 
@@ -150,6 +187,7 @@ def report_path(
         ends: End points of the segments that can be seen, shape (n, 2, 3) [m]; None: the lines have no ends.
         clearance: Distance to singular loci to keep [m].
         accuracy: Standard deviation of the position that is good enough [m].
+        risk: Of the same poses.
 
     Raises:
         GeometryError: If there is no pose.
@@ -172,7 +210,12 @@ def report_path(
         lines_in_view=count,
         clearance=clearance,
         accuracy=accuracy,
+        risk=risk,
     )
+
+
+def _length(value: float) -> str:
+    return f"{value:.3g} m" if value >= 1.0 else f"{1000.0 * value:.3g} mm"
 
 
 def _number(value: float) -> float | None:

@@ -8,18 +8,26 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from plsing_ros.analysis.accuracy import Camera
+from plsing_ros.analysis.loci_text import scene_in_words
 from plsing_ros.analysis.path_report import report_path
+from plsing_ros.analysis.path_risk import PathRisk, path_risk
 from plsing_ros.arrays import Array, vector_text
 from plsing_ros.cli.camera_poses import add_pose_options, camera_poses
 from plsing_ros.cli.command import make_folder, run_command
 from plsing_ros.figures.path_report import save_path_figure
 from plsing_ros.figures.scene_page import save_scene_page
+from plsing_ros.geometry import Pose
 from plsing_ros.geometry.pose import checked_position
 from plsing_ros.geometry.scene_file import read_scene, read_segment_ends
+from plsing_ros.parameters import MonitorParameters
+from plsing_ros.parameters.law import LAWS
+from plsing_ros.parameters.parameter_file import read_parameters
+from plsing_ros.parameters.scene import scene_values
 from plsing_ros.singularities import Proximity, SingularSet, singular_set
 from plsing_ros.singularities.proofs.certify import certify
 
@@ -54,6 +62,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--view", type=float, default=60.0, help="field of view, whole angle in degrees (%(default)g)")
     parser.add_argument("--clearance", type=float, default=0.1, help="distance from loci to keep [m] (%(default)g)")
     parser.add_argument("--accuracy", type=float, default=0.02, help="position accuracy needed [m] (%(default)g)")
+    parser.add_argument(
+        "--law",
+        choices=LAWS,
+        metavar="LAW",
+        help="of runs to the target (the file's); with --box, look at such runs at all",
+    )
     parser.add_argument("--json", action="store_true", help="print the report of the poses as JSON, and nothing else")
     parser.add_argument("--output", type=Path, metavar="DIR", help="folder for a figure of the poses")
     options = parser.parse_args(argv)
@@ -64,6 +78,7 @@ def _run(options: argparse.Namespace) -> int:
     singular = singular_set(read_scene(options.scene))
     if any(each is not None for each in (options.path, options.target, options.box)) or options.json:
         return _report(singular, options)
+    print("\n".join([*scene_in_words(singular), ""]))
     print(singular)
     if options.certify:
         print("\n".join(_proofs(singular)))
@@ -71,7 +86,7 @@ def _run(options: argparse.Namespace) -> int:
         print("\n".join(_situation(singular, checked_position("--at", options.at))))
     if options.page is not None:
         lines, surfaces = (size * singular.frame.length for size in _DRAWN)
-        save_scene_page(options.page, options.scene, singular, singular.surfaces, (), lines, surfaces)
+        save_scene_page(options.page, options.scene, singular, (), (), lines, surfaces)
         print(f"\npage: {options.page}")
     return 0
 
@@ -81,18 +96,47 @@ def _report(singular: SingularSet, options: argparse.Namespace) -> int:
     if options.output is not None:
         make_folder(options.output, "write the figure", "--output")
     poses = camera_poses(options, singular.lines.pivot.mean(axis=0))
+    camera = Camera(options.noise, math.radians(options.view) / 2.0)
     report = report_path(
         singular,
         poses,
-        Camera(options.noise, math.radians(options.view) / 2.0),
+        camera,
         read_segment_ends(options.scene, len(singular.lines)),
         options.clearance,
         options.accuracy,
+        _risk(singular, poses, camera, options),
     )
-    print(json.dumps(report.as_json(), indent=2) if options.json else f"{singular.description}\n\n{report}")
+    if options.json:
+        print(json.dumps(report.as_json(), indent=2))
+    else:
+        print("\n".join([*scene_in_words(singular), "", str(report)]))
+    written = []
     if options.output is not None:
-        print(f"figure: {save_path_figure(report, Path(options.scene).name, options.output / 'path.png')}")
+        written.append(f"figure: {save_path_figure(report, Path(options.scene).name, options.output / 'path.png')}")
+    if options.page is not None:
+        lines, surfaces = (size * singular.frame.length for size in _DRAWN)
+        paths = [] if options.box is not None else [("poses", report.center)]
+        save_scene_page(options.page, options.scene, singular, (), paths, lines, surfaces)
+        written.append(f"page: {options.page}")
+    if written and not options.json:
+        print("\n".join(written))
     return 0
+
+
+def _risk(singular: SingularSet, poses: Sequence[Pose], camera: Camera, options: argparse.Namespace) -> PathRisk | None:
+    """Return what runs along the poses come to, by the nodes' parameters in the scene's file; None without a target."""
+    known = MonitorParameters.specifications()
+    values: dict[str, Any] = {}
+    if Path(options.scene).suffix.lower() in (".yaml", ".yml"):
+        for node in ("singularity_monitor", "controller"):
+            values |= {k: v for k, v in read_parameters(options.scene, node).items() if k in known}
+    if options.law is not None:
+        values["law"] = options.law
+    parameters = MonitorParameters.from_values(values | scene_values(singular.lines))
+    if options.box is not None and (options.law is None or "target.position" not in values):
+        return None
+    target = poses[-1] if options.box is None else parameters.target_pose()
+    return path_risk(singular, poses, target, parameters, camera.image_std, camera.max_angle)
 
 
 def _proofs(singular: SingularSet) -> list[str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from plsing_ros.analysis.checkpoint import Checkpoint
-from plsing_ros.analysis.evaluation.evaluation import LAWS, Evaluation, Safety, evaluate, name_of
+from plsing_ros.analysis.evaluation.evaluation import Evaluation, Safety, evaluate, name_of
 from plsing_ros.analysis.evaluation.setup import Setup
 from plsing_ros.analysis.parallel import Workers
 from plsing_ros.cli.command import add_worker_options, make_folder, run_command
@@ -25,6 +25,7 @@ from plsing_ros.parameters import (
     PoseEstimatorParameters,
     SimulatorParameters,
 )
+from plsing_ros.parameters.law import LAWS
 from plsing_ros.parameters.parameter_file import read_parameters
 
 _EPILOG = """examples:

@@ -35,6 +35,9 @@ def draw_replay(run: ReplayedRun) -> bytes:
     condition.semilogy(run.time, run.inverse_condition_number)
     condition.set_ylabel("inverse condition number")
     distance.plot(run.time, run.nearest_distance)
+    if not np.isfinite(run.nearest_distance).any():
+        distance.text(0.5, 0.5, "no locus, or no pose", ha="center", va="center", transform=distance.transAxes)
+        distance.set_yticks([])
     distance.set_ylabel("distance to the\nnearest locus [m]")
     speed.plot(run.time, run.recorded_speed, label="recorded")
     if np.isfinite(run.replayed_speed).any():

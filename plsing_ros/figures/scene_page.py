@@ -3,18 +3,24 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from plsing_ros.analysis.loci_text import scene_in_words
 from plsing_ros.arrays import Array
 from plsing_ros.errors import PlsingError
+from plsing_ros.figures.locus_widths import width_triangles
 from plsing_ros.figures.segments import segments_in_ball
-from plsing_ros.singularities import SingularSet, Surface, surface_triangles
+from plsing_ros.singularities import Kind, SingularSet, Surface, surface_triangles
 
-_SURFACE_COLORS = {"quadric": "#8fb0d0", "cubic surface": "#d9b38c"}
+_SURFACE_COLORS = {Kind.QUADRIC: "#8fb0d0", Kind.CUBIC: "#d9b38c", Kind.PLANE: "#9ecf9e"}
+_WIDTH_COLOR = "#d62728"
+# Sentences below the picture; more are left to the command.
+_SENTENCES = 10
 _PATH_COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf")
 
 
@@ -49,7 +55,7 @@ def save_scene_page(
         file: HTML file to write.
         title: Of the page.
         singular: The singular set of the scene.
-        surfaces: Surfaces to draw as well; all but a quadric are hidden until they are switched on in the legend.
+        surfaces: Surfaces to draw beside those of the set; a cubic is hidden until it is switched on in the legend.
         paths: Names and camera centres, shape (k, 3) [m].
         radius: How far from the scene's centre lines are drawn, and isolated points and paths kept [m].
         surface_radius: The same for surfaces [m].
@@ -88,8 +94,18 @@ def save_scene_page(
     for curve in singular.curves:
         points = curve.polyline(center, radius)
         figure.add_trace(_curve(graph_objects, curve.name, points, {"color": "red", "width": 5}))
-    for surface in surfaces:
-        figure.add_trace(_mesh(graph_objects, surface, center, surface_radius))
+    for surface in (*singular.surfaces, *surfaces):
+        triangles = surface_triangles(surface, center, surface_radius, 36)
+        look = {"color": _SURFACE_COLORS[surface.kind], "opacity": 0.4}
+        shown = surface.kind is not Kind.CUBIC
+        figure.add_trace(_mesh(graph_objects, surface.name, triangles, look, shown))
+    # Bands are of interest where the map is measured: there, everything in them may be singular.
+    for locus in singular.loci:
+        triangles = width_triangles(locus, center, radius, surface_radius)
+        if len(triangles):
+            name = f"within {locus.half_width:.2g} m of {locus.name}"
+            look = {"color": _WIDTH_COLOR, "opacity": 0.12}
+            figure.add_trace(_mesh(graph_objects, name, triangles, look, not singular.lines.exact))
     for number, (name, centers) in enumerate(paths):
         inside = np.linalg.norm(centers - center, axis=1, keepdims=True) <= radius
         kept = np.where(inside, centers, np.nan)
@@ -97,6 +113,9 @@ def save_scene_page(
             _curve(graph_objects, name, kept, {"color": _PATH_COLORS[number % len(_PATH_COLORS)], "width": 4})
         )
     axis = {"showspikes": False}
+    words = [html.escape(each) for each in scene_in_words(singular)]
+    if len(words) > _SENTENCES + 2:
+        words[_SENTENCES + 2 :] = [f"and {len(words) - _SENTENCES - 2} more"]
     figure.update_layout(
         title=title,
         scene={
@@ -106,8 +125,11 @@ def save_scene_page(
             "zaxis": {**axis, "title": {"text": "z [m]"}},
         },
         legend={"itemsizing": "constant"},
-        margin={"l": 0, "r": 0, "t": 50, "b": 0},
+        margin={"l": 0, "r": 0, "t": 50, "b": 30 + 18 * len(words)},
     )
+    text = "<br>".join(words)
+    below = {"xref": "paper", "yref": "paper", "x": 0.01, "y": 0.0, "xanchor": "left", "yanchor": "top"}
+    figure.add_annotation(text=text, showarrow=False, align="left", font={"size": 12}, **below)
     try:
         figure.write_html(file, include_plotlyjs=True, full_html=True)
     except OSError as error:
@@ -127,10 +149,9 @@ def _curve(graph_objects: Any, name: str, points: Array, line: dict[str, Any]) -
     return graph_objects.Scatter3d(x=x, y=y, z=z, mode="lines", name=name, line=line)
 
 
-def _mesh(graph_objects: Any, surface: Surface, center: Array, radius: float) -> Any:
-    corners = surface_triangles(surface, center, radius, 36).reshape(-1, 3)
+def _mesh(graph_objects: Any, name: str, triangles: Array, look: dict[str, Any], shown: bool) -> Any:
     # Shared corners once, so that the page is small and the shading smooth.
-    points, index = np.unique(np.round(corners, 4), axis=0, return_inverse=True)
+    points, index = np.unique(np.round(triangles.reshape(-1, 3), 4), axis=0, return_inverse=True)
     x, y, z = points.T
     i, j, k = index.reshape(-1, 3).T
     return graph_objects.Mesh3d(
@@ -140,9 +161,9 @@ def _mesh(graph_objects: Any, surface: Surface, center: Array, radius: float) ->
         i=i,
         j=j,
         k=k,
-        name=surface.name,
-        color=_SURFACE_COLORS.get(surface.name, "#9ecf9e"),
-        opacity=0.4,
+        name=name,
         showlegend=True,
-        visible=True if surface.name == "quadric" else "legendonly",
+        visible=True if shown else "legendonly",
+        hovertext=name,
+        **look,
     )

@@ -11,28 +11,33 @@ import numpy as np
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import PlsingError, SceneFileError
 from plsing_ros.geometry.line_set import LineSet
+from plsing_ros.geometry.model import Model
 
 # How well lines are known if a file does not say: a measured map of a room or a workpiece.
 POSITION_STD = 1e-3  # [m]
 DIRECTION_STD = 1e-3  # [rad]
+_MODELS = (".obj", ".cao")
 
 
 def read_scene(path: str | Path) -> LineSet:
-    """Return the lines that a ROS parameter file describes, under lines.points and so on or as edges under model.*.
+    """Return the lines that a ROS parameter file describes, under lines.points and so on, or the edges of a model.
 
     Args:
-        path: YAML file as for --params-file. The first node name in it that has either is taken ("/**" as a rule); an
-            absent scene_frame means "world", and absent tolerances are those of the nodes, 1 mm and 1 mrad.
+        path: YAML file as for --params-file, or a model: .obj, .cao, or model.* in a YAML file. The first node name in
+            it that has either is taken ("/**" as a rule); an absent scene_frame means "world", and absent tolerances
+            are those of the nodes, 1 mm and 1 mrad.
 
     Raises:
         SceneFileError: If the file cannot be read, is no such YAML, or does not describe lines; it names the file.
     """
+    model = _model(path)
+    if model is not None:
+        edges = model.lines()
+        return LineSet.from_points_directions(
+            edges.pivot, edges.direction, edges.frame, edges.ids, position_std=POSITION_STD, direction_std=DIRECTION_STD
+        )
     parameters = _scene_parameters(path)
-    lines = parameters.get("lines")
-    if lines is None:
-        from plsing_ros.geometry.model_files import read_model
-
-        return read_model(path).lines()
+    lines = parameters["lines"]
     try:
         return LineSet.from_points_directions(
             _rows("lines.points", lines["points"]),
@@ -47,7 +52,7 @@ def read_scene(path: str | Path) -> LineSet:
 
 
 def read_segment_ends(path: str | Path, count: int) -> Array | None:
-    """Return the ends of the lines that a ROS parameter file gives under lines.ends, shape (count, 2, 3) [m], or None.
+    """Return the ends of the lines, shape (count, 2, 3) [m]: a file's lines.ends, a model's vertices, or None.
 
     Args:
         path: As for read_scene.
@@ -56,7 +61,12 @@ def read_segment_ends(path: str | Path, count: int) -> Array | None:
     Raises:
         SceneFileError: As read_scene, and if there are not two ends for each line.
     """
-    ends = _scene_parameters(path).get("lines", {}).get("ends", [])
+    model = _model(path)
+    if model is not None:
+        return model.vertices[model.edges]
+    sections = [_scene_parameters(path), *_sections(path)]
+    known = [lines["ends"] for each in sections if isinstance(lines := each.get("lines"), dict) and lines.get("ends")]
+    ends = known[0] if known else []
     if not ends:
         return None
     try:
@@ -65,16 +75,18 @@ def read_segment_ends(path: str | Path, count: int) -> Array | None:
         raise SceneFileError(f"scene file {path}: {error}; 6 numbers are needed for each of {count} lines") from None
 
 
+def _model(path: str | Path) -> Model | None:
+    """Return the model in a file; None if it has lines."""
+    from plsing_ros.geometry.model_files import read_model
+
+    if Path(path).suffix.lower() in _MODELS or "lines" not in _scene_parameters(path):
+        return read_model(path)
+    return None
+
+
 def _scene_parameters(path: str | Path) -> dict[str, Any]:
     """Return the parameters of the first node in a file that has lines."""
-    # Only where a file is read: the package imports without yaml.
-    from plsing_ros.geometry.yaml_file import read_yaml
-
-    content = read_yaml(path, "scene file")
-    for node in content.values() if isinstance(content, dict) else ():
-        parameters = node.get("ros__parameters") if isinstance(node, dict) else None
-        if not isinstance(parameters, dict):
-            continue
+    for parameters in _sections(path):
         lines = parameters.get("lines")
         if isinstance(lines, dict) and "points" in lines and "directions" in lines:
             return parameters
@@ -84,6 +96,17 @@ def _scene_parameters(path: str | Path) -> dict[str, Any]:
         f"scene file {path} has no lines; expected <node>: ros__parameters: lines: points: [x1, y1, z1, ...], "
         "directions: [x1, y1, z1, ...]"
     )
+
+
+def _sections(path: str | Path) -> list[dict[str, Any]]:
+    """Return the parameters of each node in a file."""
+    # Only where a file is read: the package imports without yaml.
+    from plsing_ros.geometry.yaml_file import read_yaml
+
+    content = read_yaml(path, "scene file")
+    nodes = content.values() if isinstance(content, dict) else ()
+    found = [node.get("ros__parameters") for node in nodes if isinstance(node, dict)]
+    return [parameters for parameters in found if isinstance(parameters, dict)]
 
 
 def _std(name: str, value: Any) -> Any:

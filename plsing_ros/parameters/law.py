@@ -13,6 +13,7 @@ from plsing_ros.errors import ParameterError
 from plsing_ros.parameters.parameter_set import parameter
 from plsing_ros.parameters.task import TaskParameters
 
+LAWS = ("pinv", "dls", "adaptive_dls", "guarded", "detour", "position", "fused")
 _RELATIVE = "in units of the target's smallest singular value with the same lines"
 # The default limits [m/s, rad/s], and the laws that know none.
 _SPEEDS = (0.25, 1.0)
@@ -33,7 +34,7 @@ class LawParameters(TaskParameters):
         "singularity), guarded (slow where a locus is ahead, the unobservable motion limited), detour (along a path "
         "planned round the loci), position (straight by the pose that the 3-D lines stand for), fused (as position, "
         "corrected by the image); see docs/laws.md",
-        choices=("pinv", "dls", "adaptive_dls", "guarded", "detour", "position", "fused"),
+        choices=LAWS,
     )
     interaction: str = parameter(
         "auto",

@@ -102,3 +102,32 @@ def test_a_target_that_sees_nothing_is_bad(capsys):
 def test_json_without_poses_says_what_is_missing(capsys):
     assert main([PAPER, "--json"]) == 1
     assert "--target" in capsys.readouterr().err
+
+
+FLAT = """v 0 0 0\nv 0.8 0 0\nv 0.8 0 0.6\nv 0 0 0.6\nv 0.2 0 0.1\nv 0.6 0 0.5
+l 1 2\nl 2 3\nl 3 4\nl 4 1\nl 5 6\n"""
+
+
+def test_a_flat_model_is_singular_in_its_plane_and_the_words_and_the_page_say_so(tmp_path, capsys):
+    model, page = tmp_path / "frame.obj", tmp_path / "frame.html"
+    model.write_text(FLAT)
+    assert main([str(model), "--page", str(page)]) == 0
+    said = capsys.readouterr().out
+    assert "With 1 mm and 1 mrad this scene is, as far as the map can tell, singular:" in said
+    assert "in the plane y = 0 m" in said and "mm of it" in said
+    named = "in the plane y = 0 m" in page.read_text()
+    assert named
+
+
+def test_the_risk_along_the_papers_path_ends_behind_the_transversal(capsys):
+    """From Start 2 the plain law blows up, from beyond the transversal it arrives; the way round arrives from both."""
+    ends = ["--start", "0.0962", "-4.037", "7.2", "--target", "0.6962", "-4.637", "7.8", "--noise", "1e-5", "--json"]
+    answers = {}
+    for law in ("pinv", "detour"):
+        assert main([PAPER, *ends, "--law", law]) == 0
+        answers[law] = json.loads(capsys.readouterr().out)
+    plain = [pose["risk"] for pose in answers["pinv"]["poses"]]
+    assert answers["pinv"]["verdict"] == "bad" and any("law pinv" in each for each in answers["pinv"]["reasons"])
+    assert min(plain[:15]) > 0.9 and max(plain[30:]) < 0.2
+    assert max(pose["demand"] for pose in answers["pinv"]["poses"]) > 1.0
+    assert max(pose["risk"] for pose in answers["detour"]["poses"]) < 0.2

@@ -22,8 +22,8 @@ from plsing_ros.analysis.rates import Rate
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.monitoring.rollout import Harm
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
+from plsing_ros.parameters.law import LAWS
 
-LAWS = ("pinv", "dls", "adaptive_dls", "guarded", "detour", "position", "fused")
 # A law is worth proposing if it comes to harm this much less often.
 _BETTER = 0.1
 # Mean squared errors of poses above this, where 6 is right, mean that poses are less exact than they say.
