@@ -16,7 +16,6 @@ from plsing_msgs.msg import (
     LineFeatureArray,
     SingularityAlert,
     SingularityStatus,
-    SingularLoci,
 )
 from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
 from plsing_ros.arrays import Array
@@ -32,7 +31,7 @@ from plsing_ros.monitoring.risk import Risk
 from plsing_ros.singularities import Kind, LocusDistance, Proximity, SingularSet
 
 _SECOND = 1_000_000_000
-_LOCUS_KINDS = {
+LOCUS_KINDS = {
     Kind.TRANSVERSAL: LocusDistanceMessage.KIND_TRANSVERSAL,
     Kind.ISOLATED_POINT: LocusDistanceMessage.KIND_ISOLATED_POINT,
     Kind.OBSERVED_LINE: LocusDistanceMessage.KIND_OBSERVED_LINE,
@@ -248,32 +247,9 @@ def locus_distance_message(nearest: LocusDistance | None, frame: str) -> LocusDi
     if nearest is None:
         return LocusDistanceMessage(kind=LocusDistanceMessage.KIND_NONE)
     return LocusDistanceMessage(
-        kind=_LOCUS_KINDS[nearest.kind],
+        kind=LOCUS_KINDS[nearest.kind],
         name=nearest.name,
         distance=float(nearest.distance),
         frame_id=frame,
         closest_point=point_message(nearest.closest_point),
-    )
-
-
-def loci_message(singular: SingularSet, head: Header) -> SingularLoci:
-    """Return the singular set of a scene."""
-    lines, (points, directions) = singular.lines, singular.transversal_lines
-    return SingularLoci(
-        header=head,
-        line_ids=list(lines.ids),
-        line_points=flat(lines.point),
-        line_directions=flat(lines.direction),
-        description=singular.description,
-        transversal_names=[each.name for each in singular.transversals],
-        transversal_points=flat(points),
-        transversal_directions=flat(directions),
-        transversal_residuals=flat(np.array([each.residual for each in singular.transversals])),
-        isolated_point_names=[
-            name
-            for name, kind in zip(singular.locus_names, singular.locus_kinds, strict=True)
-            if kind is Kind.ISOLATED_POINT
-        ],
-        isolated_points=flat(singular.isolated_points),
-        isolated_point_residuals=flat(singular.isolated_point_residuals),
     )

@@ -16,7 +16,8 @@ from plsing_ros.figures.segments import segments_in_ball
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.nodes.conversions import point_message
-from plsing_ros.singularities import Kind, SingularSet, surface_triangles
+from plsing_ros.nodes.locus_conversions import locus_segments
+from plsing_ros.singularities import Kind, SingularSet
 
 # Lines are drawn within this many scene lengths (mean distance of the lines from their centre) of the scene's centre.
 _REACH = 6.0
@@ -29,7 +30,19 @@ _TRANSVERSAL = ColorRGBA(r=1.0, g=0.5, b=0.0, a=1.0)
 _POINT = ColorRGBA(r=0.9, g=0.1, b=0.1, a=1.0)
 _NEARLY = ColorRGBA(r=1.0, g=0.75, b=0.45, a=1.0)
 _SURFACE = ColorRGBA(r=0.3, g=0.5, b=1.0, a=0.35)
+_NEARLY_POINT = ColorRGBA(r=1.0, g=0.55, b=0.55, a=1.0)
+_NEARLY_SURFACE = ColorRGBA(r=0.6, g=0.75, b=1.0, a=0.25)
 _COLORS = {Kind.OBSERVED_LINE: _OBSERVED, Kind.TRANSVERSAL: _TRANSVERSAL}
+# Namespace, shape, size in line widths, and colours of what is exactly singular and of what is within the tolerances.
+_SURFACE_LOOK = ("surfaces", Marker.TRIANGLE_LIST, 1.0, _SURFACE, _NEARLY_SURFACE)
+_CURVE_LOOK = ("curves", Marker.LINE_LIST, 1.0, _POINT, _NEARLY_POINT)
+_LOOKS = {
+    Kind.TRANSVERSAL: ("transversals", Marker.LINE_LIST, 1.0, _TRANSVERSAL, _NEARLY),
+    Kind.ISOLATED_POINT: ("isolated_points", Marker.SPHERE_LIST, 6.0, _POINT, _NEARLY_POINT),
+    Kind.PLANE: _SURFACE_LOOK,
+    Kind.QUADRIC: _SURFACE_LOOK,
+    Kind.CUBIC: _SURFACE_LOOK,
+}
 _DASHES = 30
 _LEVELS = {
     Level.OK: ColorRGBA(r=0.1, g=0.7, b=0.1, a=1.0),
@@ -40,22 +53,24 @@ _UNKNOWN = ColorRGBA(r=0.5, g=0.5, b=0.5, a=1.0)
 
 
 def scene_markers(singular: SingularSet, head: Header) -> MarkerArray:
-    """Return the observed lines and everything singular; they last until they are replaced."""
+    """Return the observed lines and everything singular, paler what is so within the lines' tolerances.
+
+    They last until they are replaced.
+    """
     center, radius = singular.frame.center, _REACH * singular.frame.length
     width = 0.004 * radius
     lines = _marker(head, "observed_lines", Marker.LINE_LIST, width, _OBSERVED)
     lines.points = _points(segments_in_ball(singular.lines.point, singular.lines.direction, center, radius))
-    transversals = _marker(head, "transversals", Marker.LINE_LIST, width, _TRANSVERSAL)
-    transversals.points = _points(segments_in_ball(*singular.transversal_lines, center, radius))
-    isolated = _marker(head, "isolated_points", Marker.SPHERE_LIST, 6.0 * width, _POINT)
-    isolated.points = _points(singular.isolated_points)
-    curves = _marker(head, "curves", Marker.LINE_LIST, width, _POINT)
-    curves.points = [point for curve in singular.curves for point in _points(curve.segments(center, radius))]
-    markers = [lines, transversals, isolated, curves]
-    for number, surface in enumerate(singular.surfaces):
-        mesh = _marker(head, "surfaces", Marker.TRIANGLE_LIST, 1.0, _SURFACE, number)
-        mesh.points = _points(surface_triangles(surface, center, 0.5 * radius))
-        markers.append(mesh)
+    markers = [lines]
+    for number, locus in enumerate(singular.loci):
+        namespace, shape, scale, exact, nearly = _LOOKS.get(locus.kind, _CURVE_LOOK)
+        color = exact if locus.exactness == 0.0 else nearly
+        marker = _marker(head, namespace, shape, 1.0 if shape == Marker.TRIANGLE_LIST else scale * width, color, number)
+        if shape == Marker.TRIANGLE_LIST:
+            marker.points = _points(locus.mesh(center, 0.5 * radius))
+        else:
+            marker.points = _points(locus_segments(locus, center, radius))
+        markers.append(marker)
     if not singular.transversals and len(singular.lines) > 4:
         near = singular.nearest_transversal
         dashes = _marker(head, "nearest_transversal", Marker.LINE_LIST, 0.7 * width, _NEARLY)

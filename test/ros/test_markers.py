@@ -23,6 +23,12 @@ from plsing_ros.singularities import singular_set
 PAPER = singular_set(read_scene(config_file("paper_p4l.yaml")))
 THREE = singular_set(PAPER.lines.select([0, 1, 2]))
 CORRIDOR = singular_set(LineSet.from_points_directions([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 1]] * 3))
+# Near-singular: a window of five bars whose plane is singular, measured, and four edges of a shaft with others.
+WINDOW = ([[0, 0, 0], [0, 0, 1.2], [0, 0, 0], [0.9, 0, 0], [0.4, 0, 0]], [[1, 0, 0]] * 2 + [[0, 0, 1]] * 3)
+SHAFT = (
+    [[0, 0, 0], [4, 0, 0], [0, 3, 0], [4, 3, 0], [2, 0, 8], [2, 3, 8], [0, 1.5, 8], [4, 1.5, 8]],
+    [[0, 0, 1]] * 4 + [[1, 0, 0]] * 2 + [[0, 1, 0]] * 2,
+)
 HEAD = Header(frame_id="world")
 LISTS = {Marker.LINE_LIST: 2, Marker.TRIANGLE_LIST: 3, Marker.LINE_STRIP: 1, Marker.SPHERE_LIST: 1}
 
@@ -39,6 +45,8 @@ ALL = {
     "four lines": scene_markers(PAPER, HEAD).markers,
     "three lines": scene_markers(THREE, HEAD).markers,
     "corridor": scene_markers(CORRIDOR, HEAD).markers,
+    "exact window": scene_markers(singular_set(LineSet.from_points_directions(*WINDOW)), HEAD).markers,
+    "exact shaft": scene_markers(singular_set(LineSet.from_points_directions(*SHAFT)), HEAD).markers,
     "camera": camera_markers(),
     "camera losing a motion": camera_markers(Level.CRITICAL, np.array([0, 0, 1.0, 0, 0, 0])),
     "camera that rotates unseen": camera_markers(Level.STALE, np.array([0, 0, 0, 0, 0, 1.0])),
@@ -73,9 +81,9 @@ def test_every_marker_can_be_drawn(name):
 
 
 def test_what_is_drawn_is_what_was_found():
-    names = {marker.ns: marker for marker in ALL["four lines"]}
     assert ALL["four lines"][0].action == Marker.DELETEALL  # nothing of an earlier scene stays
-    assert len(names["transversals"].points) == 4 and len(names["isolated_points"].points) == 6
+    namespaces = [marker.ns for marker in ALL["four lines"]]
+    assert (namespaces.count("transversals"), namespaces.count("isolated_points")) == (2, 6)
     assert [marker.ns for marker in ALL["three lines"]].count("surfaces") == 2
     assert {marker.ns for marker in ALL["corridor"]} == {"", "observed_lines", "labels"}
 
@@ -101,6 +109,34 @@ def test_five_lines_that_no_line_meets_show_the_one_that_nearly_does():
     near = singular.nearest_transversal
     assert np.abs(np.cross(points - near.point, near.direction)).max() < 1e-9 * singular.frame.length
     assert not any(each.ns == "nearest_transversal" for each in ALL["four lines"])
+
+
+def measured(scene):
+    """A scene whose lines are off by less than they are known to be."""
+    points, directions = (np.array(each, dtype=float) for each in scene)
+    off = np.random.default_rng(0)
+    return singular_set(
+        LineSet.from_points_directions(
+            points + 1e-3 * off.normal(size=points.shape),
+            directions + 1e-3 * off.normal(size=points.shape),
+            position_std=1e-3,
+            direction_std=1e-3,
+        )
+    )
+
+
+@pytest.mark.parametrize(("scene", "namespace", "name"), [(WINDOW, "surfaces", "plane"), (SHAFT, "curves", "circle")])
+def test_what_is_singular_within_the_tolerances_is_drawn_paler_at_its_place(scene, namespace, name):
+    exact, near = singular_set(LineSet.from_points_directions(*scene)), measured(scene)
+    (pale,) = [each for each in scene_markers(near, HEAD).markers if each.ns == namespace]
+    (full,) = [each for each in scene_markers(exact, HEAD).markers if each.ns == namespace]
+    assert pale.type == full.type and pale.color != full.color
+    points = np.array([[p.x, p.y, p.z] for p in pale.points])
+    assert len(points) >= 24
+    # On the exact scene's locus, a plane or circle known by hand, as far as the tolerances let it move.
+    off = points[:, 1] if name == "plane" else np.hypot(points[:, 0] - 2.0, points[:, 1] - 1.5) - 2.5
+    assert np.abs(off).max() < 0.02 * np.abs(points).max()
+    assert name in [each.text for each in scene_markers(near, HEAD).markers if each.ns == "labels"]
 
 
 def test_a_status_of_several_reasons_has_several_lines():
@@ -145,8 +181,9 @@ def test_a_picture_of_the_markers_shows_them(tmp_path):
     image.imsave(tmp_path / "markers.png", whole)
     assert (whole[..., :3] < 250).any(axis=-1).mean() > 0.01
     for left_out in markers:
-        if left_out.ns == "labels":
-            continue
+        points = np.array([[p.x, p.y, p.z] for p in left_out.points])
+        if left_out.ns == "labels" or (left_out.ns == "isolated_points" and np.abs(points).max() > 5.0):
+            continue  # the latter are outside the picture
         without = drawn([each for each in markers if each is not left_out])
         assert (without != whole).any(axis=-1).sum() > 10, left_out.ns
 
