@@ -361,7 +361,9 @@ class ServoController:
         if reason is None:
             return None
         self._pause()
-        return Command(Mode.WAITING if self._stamp_filter.last_stamp is None else Mode.HALTED, reason)
+        # Refused features are no silence: as waiting it would be told anew after each of them.
+        waits = self._stamp_filter.last_stamp is None and self._stamp_filter.last_problem is None
+        return Command(Mode.WAITING if waits else Mode.HALTED, reason)
 
     def _pause(self) -> None:
         if self._cycle is not None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import traceback
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -44,6 +45,7 @@ class ManagedNode(LifecycleNode):
         """Create the node, unconfigured; options are those of rclpy.node.Node."""
         self._configured = self._active = self._starting = self._ending = False
         self._failure = ""
+        self._warned: dict[str, str] = {}
         self._latched: dict[str, tuple[Callable[[Any], None], Any]] = {}
         super().__init__(name, **options)
         # Services of rclpy itself (parameters, lifecycle) raise out of spin at some malformed requests.
@@ -132,6 +134,13 @@ class ManagedNode(LifecycleNode):
             self.get_logger().error(text)
         else:
             self.get_logger().warning(text)
+
+    def warn_of(self, what: str, problem: str) -> None:
+        """Log a warning about an input once, until its problem is another one, or none; numbers make no other one."""
+        kind = re.sub(r"[0-9.e+-]+", "", problem)
+        if problem and kind != self._warned.get(what):
+            self.get_logger().warning(f"{what}: {problem}")
+        self._warned[what] = kind
 
     def topics(self, source: str, result: str) -> str:
         """Return where a node listens and what it publishes, with the names after remapping, for its first line."""

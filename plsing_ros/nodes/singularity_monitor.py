@@ -22,13 +22,13 @@ from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     alert_message,
     header,
-    loci_message,
     nanoseconds,
     observation_from_message,
     status_message,
     twist_from_message,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
+from plsing_ros.nodes.locus_conversions import loci_message
 from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.markers import CameraMarkers, scene_markers
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
@@ -108,16 +108,18 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
             pose = camera_pose_from_message(message, self.parameters.scene_frame)
         except PlsingError as error:
             self._monitor.forget_poses()
-            self.get_logger().warning(f"camera_pose refused: {error}", throttle_duration_sec=1.0)
+            self.warn_of("camera_pose refused", str(error))
         else:
+            self.warn_of("camera_pose refused", "")
             self._monitor.receive_pose(pose, nanoseconds(message.header.stamp), covariance_from_message(message))
 
     def _on_twist(self, message: TwistStamped) -> None:
         try:
             twist = twist_from_message(message, self.parameters.camera_frame)
         except PlsingError as error:
-            self.get_logger().warning(f"cmd_twist not used for prediction: {error}", throttle_duration_sec=1.0)
+            self.warn_of("cmd_twist not used for prediction", str(error))
         else:
+            self.warn_of("cmd_twist not used for prediction", "")
             self._monitor.receive_twist(twist, nanoseconds(message.header.stamp))
 
     def _on_controller(self, message: ControllerState) -> None:
