@@ -7,15 +7,19 @@ import argparse
 from collections.abc import Sequence
 
 from plsing_ros.errors import ParameterError
+from plsing_ros.nodes.arm_simulator import ArmSimulatorNode
 from plsing_ros.nodes.controller import ControllerNode
 from plsing_ros.nodes.feature_simulator import FeatureSimulatorNode
+from plsing_ros.nodes.line_tracker import LineTrackerNode
 from plsing_ros.nodes.main import Create, node_parser, run_nodes
 from plsing_ros.nodes.pose_estimator import PoseEstimatorNode
 from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 
 NODES: dict[str, Create] = {
+    "arm_simulator": ArmSimulatorNode,
     "controller": ControllerNode,
     "feature_simulator": FeatureSimulatorNode,
+    "line_tracker": LineTrackerNode,
     "pose_estimator": PoseEstimatorNode,
     "singularity_monitor": SingularityMonitorNode,
 }

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -19,13 +20,17 @@ _SWITCH = ["true", "false"]
 COMPLETED = {"line_features": "completed_line_features"}
 
 
-def describe_nodes(*names: str, remappings: Mapping[str, Mapping[str, str]]) -> LaunchDescription:
+def describe_nodes(
+    *names: str, remappings: Mapping[str, Mapping[str, str]], topics: Mapping[str, tuple[str, ...]] | None = None
+) -> LaunchDescription:
     """Return a description that starts nodes.
 
     Args:
         names: Executables, which are the nodes' names as well.
         remappings: For a node new names of topics by their old ones.
+        topics: For a node those of its topics whose names are arguments of the launch file.
     """
+    topics = topics or {}
     arguments = [
         DeclareLaunchArgument(
             "params_file",
@@ -45,7 +50,16 @@ def describe_nodes(*names: str, remappings: Mapping[str, Mapping[str, str]]) -> 
         DeclareLaunchArgument(
             "container", default_value="false", choices=_SWITCH, description="Whether one process runs all nodes"
         ),
+        *(
+            DeclareLaunchArgument(topic, default_value=topic, description=f"Topic that {name} takes for {topic}")
+            for name, chosen in topics.items()
+            for topic in chosen
+        ),
     ]
+    renamed: dict[str, dict[str, Any]] = {
+        name: {**remappings.get(name, {}), **{topic: LaunchConfiguration(topic) for topic in topics.get(name, ())}}
+        for name in names
+    }
     switches = {
         name: ParameterValue(LaunchConfiguration(name), value_type=bool) for name in ("use_sim_time", "autostart")
     }
@@ -59,13 +73,13 @@ def describe_nodes(*names: str, remappings: Mapping[str, Mapping[str, str]]) -> 
         Node(
             executable=name,
             name=name,
-            remappings=list(remappings.get(name, {}).items()),
+            remappings=list(renamed[name].items()),
             condition=UnlessCondition(LaunchConfiguration("container")),
             **common,
         )
         for name in names
     ]
-    rules = [f"{name}:{old}:={new}" for name, topics in remappings.items() for old, new in topics.items()]
+    rules = [[f"{name}:{old}:=", new] for name in names for old, new in renamed[name].items()]
     together = Node(
         executable="container",
         arguments=list(names),

@@ -64,6 +64,13 @@ class LineTrackerNode(ParameterizedNode[LineTrackerParameters]):
         self._twist: tuple[Any, int] | None = None
         self._latest, self._silent = None, False
 
+    def activate(self) -> None:
+        """Say what it is going to do."""
+        self.get_logger().info(
+            f"an object of {len(self._model)} edges in {self.parameters.scene_frame}, followed by its edges"
+            f"{' and points' if self.parameters.use_points else ''}; {self.topics('image', 'line_features')}"
+        )
+
     def deactivate(self, reason: str) -> None:
         """Say that nothing is tracked any more."""
         self.fail(reason)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Launch files, read as they are: launch is not among the wheels. docs/results/launch.md tells how they were run."""
+"""Launch files, read as they are: launch is not among the wheels. docs/results/ros.md tells how they were run."""
 
 import ast
 import json
@@ -38,7 +38,8 @@ def described(file):
 
 
 def test_there_is_one_for_each_use():
-    assert [each.name for each in FILES] == ["image_lines.launch.py", "servo.launch.py", "simulator.launch.py"]
+    names = ["image_lines.launch.py", "line_tracker.launch.py", "servo.launch.py", "simulator.launch.py"]
+    assert [each.name for each in FILES] == names
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
@@ -50,8 +51,8 @@ def test_it_starts_executables_that_there_are_and_remaps_its_own(file):
 
 def test_arguments_and_names_of_launch_that_are_used_are_those_of_its_sources():
     tree = ast.parse(SHARED.read_text())
-    arguments = [each.args[0].value for each in calls(tree, "DeclareLaunchArgument")]
-    assert arguments == ["params_file", "namespace", "use_sim_time", "autostart", "container"]
+    arguments = [getattr(each.args[0], "value", "") for each in calls(tree, "DeclareLaunchArgument")]
+    assert arguments == ["params_file", "namespace", "use_sim_time", "autostart", "container", ""]
     # launch 3.4 and launch_ros 0.26: the keyword arguments of launch_ros.actions.Node and of DeclareLaunchArgument.
     of_node = {"executable", "package", "name", "namespace", "parameters", "remappings", "ros_arguments", "arguments"}
     for call in calls(tree, "Node"):
