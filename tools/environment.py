@@ -276,7 +276,8 @@ class WheelEnvironment(Environment):
                 interpreter + contents([*self.requirements, constraints]),
                 self.install_packages,
             ),
-            ("building the messages (plsing_msgs)", message_sources(), self.build_messages),
+            ("building tf2_msgs, for the tests", message_sources("tools/tf2_msgs"), self.build_tf2_msgs),
+            ("building the messages (plsing_msgs)", message_sources("msg_defs"), self.build_messages),
             ("installing plsing_ros", package_sources(), self.install_plsing_ros),
         ]
 
@@ -309,17 +310,18 @@ class WheelEnvironment(Environment):
             file.write_text(text)
 
     def build_messages(self):
+        self.build_interfaces("plsing_msgs")
+
+    def build_tf2_msgs(self):
+        self.build_interfaces("tf2_msgs")
+
+    def build_interfaces(self, package):
         # From nothing: it takes seconds, and leaves neither half-written files nor messages that are no more.
-        remove(BUILD / self.name / "plsing_msgs")
-        for pattern in (
-            "include/plsing_msgs",
-            "lib/libplsing_msgs__*",
-            "lib/python3*/site-packages/plsing_msgs*",
-            "share/plsing_msgs",
-        ):
-            for path in self.prefix.glob(pattern):
+        remove(BUILD / self.name / package)
+        for pattern in ("include/{}", "lib/lib{}__*", "lib/python3*/site-packages/{}*", "share/{}"):
+            for path in self.prefix.glob(pattern.format(package)):
                 remove(path)
-        self.colcon_build("plsing_msgs")
+        self.colcon_build(package)
 
     def install_plsing_ros(self):
         remove(BUILD / self.name / "plsing_ros")
@@ -342,7 +344,8 @@ class WheelEnvironment(Environment):
         so nothing has to be sourced.
         """
         self.call(
-            *[self.prefix / "bin" / "colcon", "build", "--base-paths", ".", "msg_defs", "--symlink-install"],
+            *[self.prefix / "bin" / "colcon", "build", "--base-paths", ".", "msg_defs", "tools/tf2_msgs"],
+            *["--symlink-install"],
             *["--packages-select", package, "--build-base", BUILD / self.name],
             *["--merge-install", "--install-base", self.prefix],
             *["--cmake-args", "-DPython3_EXECUTABLE={}".format(self.python), "-DBUILD_TESTING=OFF"],
@@ -372,7 +375,7 @@ class SourcedEnvironment(Environment):
         # The underlays only: whether our own install/ is sourced too makes no difference.
         prefixes = os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)
         underlays = [path for path in prefixes if ROOT not in Path(path).parents]
-        inputs = "\n".join(underlays) + message_sources() + package_sources()
+        inputs = "\n".join(underlays) + message_sources("msg_defs") + package_sources()
         return [("building plsing_msgs and plsing_ros with colcon into install/", inputs, self.build)]
 
     def build(self):
@@ -386,8 +389,8 @@ class SourcedEnvironment(Environment):
 # -- inputs -----------------------------------------------------------------------------------------------------------
 
 
-def message_sources():
-    return contents(file for file in sorted((ROOT / "msg_defs").rglob("*")) if file.is_file())
+def message_sources(folder):
+    return contents(file for file in sorted((ROOT / folder).rglob("*")) if file.is_file())
 
 
 def package_sources():

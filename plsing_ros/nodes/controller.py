@@ -38,6 +38,7 @@ from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.path_conversions import path_message, target_answer, target_question
 from plsing_ros.nodes.pose_conversions import camera_pose_from_message, covariance_from_message
 from plsing_ros.nodes.second_publishers import SecondPublishers
+from plsing_ros.nodes.tool_transform import ToolTransform
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.planner import PlanProcess
@@ -109,6 +110,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._plan: Plan | None = None
         self._others = SecondPublishers(self, ("cmd_twist", "line_features", "singularity_status"))
         self.create_steady_timer(_LOOK_PERIOD, self._look_for_others)
+        self._tool = ToolTransform(self)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.serve(SetBool, "~/enable", self._on_enable)
         self.serve(CheckTarget, "~/check_target", self._on_check_target)
@@ -117,6 +119,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
 
     def configure(self) -> None:
         """Compute the target's features and the scene's loci."""
+        self._tool.check()
         self._servo = ServoController.from_parameters(self.parameters, self._planner)
         self._servo.compute_loci()
         if self.parameters.law == "detour":
@@ -180,6 +183,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
             return
         try:
             observation = observation_from_message(message, self.parameters.camera_frame)
+            self._tool.update()
             command = self._servo.answer(observation, stamp, self.now())
         except PlsingError as error:
             command = self._servo.halt(str(error))

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Transform
 from std_msgs.msg import Header
 
 from plsing_msgs.msg import PoseEstimate as PoseEstimateMessage
@@ -28,6 +28,13 @@ def fill_pose(message: PoseMessage, T_world_camera: Pose) -> None:
     position, orientation = message.position, message.orientation
     position.x, position.y, position.z = T_world_camera.translation.tolist()
     orientation.x, orientation.y, orientation.z, orientation.w = T_world_camera.quaternion_xyzw.tolist()
+
+
+def fill_transform(message: Transform, T_parent_child: Pose) -> None:
+    """Write a pose into the transform from a frame to its child."""
+    translation, rotation = message.translation, message.rotation
+    translation.x, translation.y, translation.z = T_parent_child.translation.tolist()
+    rotation.x, rotation.y, rotation.z, rotation.w = T_parent_child.quaternion_xyzw.tolist()
 
 
 def camera_pose_message(

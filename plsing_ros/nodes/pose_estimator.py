@@ -23,6 +23,7 @@ from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.pose_conversions import camera_pose_message, pose_estimate_message
+from plsing_ros.nodes.pose_transform import PoseTransform
 from plsing_ros.parameters import PoseEstimatorParameters
 from plsing_ros.pose import Verdict
 from plsing_ros.pose.pose_tracker import PoseTracker, TrackedPose
@@ -47,6 +48,8 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
         super().__init__("pose_estimator", PoseEstimatorParameters, **options)
         self._latest: TrackedPose | None = None
         self._pose = self.advertise(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
+        parameters = self.parameters
+        self._transform = PoseTransform(self, parameters.publish_tf, parameters.scene_frame, parameters.camera_frame)
         self._completed = self.advertise(LineFeatureArray, "completed_line_features", qos.SENSOR_DATA)
         self._state = self.advertise(PoseEstimate, "~/state", qos.STATUS)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
@@ -85,8 +88,9 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
         try:
             twist = twist_from_message(message, self.parameters.camera_frame, self.parameters.twist_source)
         except PlsingError as error:
-            self.get_logger().warning(f"{self.parameters.twist_source} not used: {error}", throttle_duration_sec=1.0)
+            self.warn_of(f"{self.parameters.twist_source} not used", str(error))
         else:
+            self.warn_of(f"{self.parameters.twist_source} not used", "")
             self._tracking.receive_twist(twist, nanoseconds(message.header.stamp))
 
     def _on_features(self, message: LineFeatureArray) -> None:
@@ -108,6 +112,7 @@ class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
         estimate, in_scene = tracked.estimate, header(stamp, self.parameters.scene_frame)
         if estimate.T_world_camera is not None and estimate.verdict is not Verdict.AMBIGUOUS:
             self._pose.publish(camera_pose_message(estimate.T_world_camera, in_scene, estimate.covariance))
+            self._transform.publish(estimate.T_world_camera, stamp)
         if tracked.completed is not None:
             in_camera = header(stamp, self.parameters.camera_frame)
             self._completed.publish(features_message(tracked.completed, in_camera))

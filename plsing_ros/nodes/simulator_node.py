@@ -20,6 +20,7 @@ from plsing_ros.nodes.conversions import fill_stamp, fill_twist, nanoseconds, tw
 from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.pose_conversions import fill_pose
+from plsing_ros.nodes.pose_transform import PoseTransform
 from plsing_ros.parameters.stepping import SteppingParameters
 from plsing_ros.simulation.stepping import SteppedSimulation
 
@@ -46,6 +47,7 @@ class SimulatorNode(ParameterizedNode[_P]):
         self._pose_message = PoseWithCovarianceStamped(header=self._in_scene)
         self.advertise_view()
         self._pose = self.advertise(PoseWithCovarianceStamped, "camera_pose", qos.SENSOR_DATA)
+        self._transform = PoseTransform(self, parameters.publish_tf, parameters.scene_frame, parameters.camera_frame)
         self._state = self.advertise(SimulatorState, "~/state", qos.STATUS)
         self._clock_topic = (
             self.create_publisher(Clock, "/clock", qos.CLOCK) if self._lockstep and parameters.publish_clock else None
@@ -86,9 +88,10 @@ class SimulatorNode(ParameterizedNode[_P]):
         try:
             twist = twist_from_message(message, self.parameters.camera_frame)
             self.simulation.receive_twist(twist, nanoseconds(message.header.stamp))
+            self.warn_of("cmd_twist refused", "")
         except PlsingError as error:
             self.simulation.refuse_twist(str(error))
-            self.get_logger().warning(f"cmd_twist refused: {error}", throttle_duration_sec=1.0)
+            self.warn_of("cmd_twist refused", str(error))
         self._advance_in_lockstep()
 
     def _on_status(self, message: SingularityStatus) -> None:
@@ -120,6 +123,7 @@ class SimulatorNode(ParameterizedNode[_P]):
         if self._pose.get_subscription_count():
             fill_pose(self._pose_message.pose.pose, self.camera_pose())
             self._pose.publish(self._pose_message)
+        self._transform.publish(self.camera_pose(), simulation.stamp)
         if self._clock_topic is not None:
             # Just before the view, so that whoever takes both wakes up once.
             fill_stamp(self._clock_message.clock, simulation.stamp)

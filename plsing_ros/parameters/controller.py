@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from plsing_ros.errors import ParameterError
 from plsing_ros.geometry import Pose
 from plsing_ros.parameters.law import LawParameters
 from plsing_ros.parameters.parameter_set import parameter
@@ -100,6 +101,14 @@ class ControllerParameters(LawParameters, ToleranceParameters, AnswerParameters)
         "Name of a frame fixed to the camera that cmd_twist is given in and for; empty: the camera's optical frame",
         live=False,
     )
+    tool_source: str = parameter(
+        "parameters",
+        "T_tool_camera.source",
+        "parameters: the camera is in tool_frame where the next two say; tf: where TF says, and the robot stands until "
+        "it does; needs tf2_ros",
+        choices=("parameters", "tf"),
+        live=False,
+    )
     tool_position: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0), "T_tool_camera.position", "Camera centre in tool_frame: x, y, z", unit="m"
     )
@@ -113,6 +122,8 @@ class ControllerParameters(LawParameters, ToleranceParameters, AnswerParameters)
         """Refuse values that contradict each other; a target from a topic needs no scene."""
         self.check_law()
         _ = self.T_tool_camera
+        if self.tool_source == "tf" and not self.tool_frame:
+            raise ParameterError("parameter 'T_tool_camera.source' is tf, and 'tool_frame' is empty; name the frame")
         if self.target_source == "topic" and not self.lines_points and not self.lines_directions:
             return
         super().check()

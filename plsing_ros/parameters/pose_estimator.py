@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from plsing_ros.errors import ParameterError
 from plsing_ros.parameters.parameter_set import ParameterSet, parameter
 from plsing_ros.parameters.task import AnswerParameters
+from plsing_ros.parameters.transform import TransformParameters
 
 
 @dataclass(frozen=True)
@@ -225,7 +226,7 @@ class FilterParameters(EstimationParameters):
 
 
 @dataclass(frozen=True)
-class PoseEstimatorParameters(FilterParameters, AnswerParameters):
+class PoseEstimatorParameters(FilterParameters, AnswerParameters, TransformParameters):
     """The scene, how to estimate in it, and how the node treats time."""
 
     last_pose_timeout: float = parameter(

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from plsing_ros.geometry import Pose
 from plsing_ros.parameters.parameter_set import parameter
 from plsing_ros.parameters.scene import SceneParameters, pose_from_parameters
+from plsing_ros.parameters.transform import TransformParameters
 
 
 @dataclass(frozen=True)
-class SteppingParameters(SceneParameters):
+class SteppingParameters(SceneParameters, TransformParameters):
     """The scene, where a simulated camera starts in it, and when it steps."""
 
     start_position: tuple[float, ...] = parameter(

@@ -5,8 +5,11 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
+from plsing_ros.nodes import container
+from plsing_ros.nodes.arm_simulator import ArmSimulatorNode
 from plsing_ros.nodes.controller import ControllerNode
 from plsing_ros.nodes.feature_simulator import FeatureSimulatorNode
+from plsing_ros.nodes.line_tracker import LineTrackerNode
 from plsing_ros.nodes.pose_estimator import PoseEstimatorNode
 from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
 from plsing_ros.parameters.config_files import config_file
@@ -14,14 +17,23 @@ from plsing_ros.testing.harness import Harness
 
 # With what makes every topic of a node appear, one set of parameters after the other.
 NODES = {
-    "controller": (ControllerNode, [{"gate": "status"}, {"target.source": "topic"}]),
+    "arm_simulator": (
+        ArmSimulatorNode,
+        [{"mode": "lockstep", "publish_clock": True, "wait_for_status": True, "publish_tf": True}],
+    ),
+    "controller": (
+        ControllerNode,
+        [{"gate": "status"}, {"target.source": "topic", "tool_frame": "tool0", "T_tool_camera.source": "tf"}],
+    ),
     "singularity_monitor": (SingularityMonitorNode, [{}]),
-    "pose_estimator": (PoseEstimatorNode, [{}]),
+    "line_tracker": (LineTrackerNode, [{}]),
+    "pose_estimator": (PoseEstimatorNode, [{"publish_tf": True}]),
     "feature_simulator": (
         FeatureSimulatorNode,
-        [{}, {"mode": "lockstep", "publish_clock": True, "wait_for_status": True}],
+        [{}, {"mode": "lockstep", "publish_clock": True, "wait_for_status": True, "publish_tf": True}],
     ),
 }
+OF_IMAGES = (ArmSimulatorNode, LineTrackerNode)
 KINDS = [("topic", "publish"), ("topic", "subscribe"), ("service", "reply"), ("service", "request")]
 
 
@@ -43,7 +55,8 @@ def used(node):
     names = {kind: set() for kind in KINDS}
     for parameters in configurations:
         with Harness() as ros:
-            created = ros.add(create, config_file("paper_p4l.yaml"), {"use_sim_time": True, **parameters})
+            scene = config_file("camera_arm.yaml" if create in OF_IMAGES else "paper_p4l.yaml")
+            created = ros.add(create, scene, {"use_sim_time": True, **parameters})
             ros.spin_until(lambda created=created: created.active, "an active node")
             ask = ros.node
             of_kind = dict(
@@ -75,6 +88,11 @@ def used(node):
     return names
 
 
+def test_every_node_has_a_policy():
+    assert set(NODES) == set(container.NODES)
+
+
+@pytest.mark.usefixtures("tf2_ros")
 @pytest.mark.parametrize("node", NODES)
 def test_it_allows_what_the_node_offers_and_uses_and_nothing_else(node):
     assert allowed(node) == used(node)

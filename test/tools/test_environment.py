@@ -198,7 +198,7 @@ def recorded(environment, monkeypatch):
         found = environment.WheelEnvironment(environment.ROOT / ".venv", "python.txt")
         found.prefix.mkdir(exist_ok=True)
         found.ran = []
-        for step in ("install_packages", "build_messages", "install_plsing_ros"):
+        for step in ALL_STEPS:
             monkeypatch.setattr(found, step, lambda step=step: found.ran.append(step))
         return found
 
@@ -210,7 +210,7 @@ def steps_run(found):
     return found.ran
 
 
-ALL_STEPS = ["install_packages", "build_messages", "install_plsing_ros"]
+ALL_STEPS = ["install_packages", "build_tf2_msgs", "build_messages", "install_plsing_ros"]
 
 
 def test_second_setup_does_nothing(recorded):
@@ -224,8 +224,9 @@ def test_second_setup_does_nothing(recorded):
         ("requirements/python.txt", ALL_STEPS),
         ("requirements/constraints.txt", ALL_STEPS),
         ("requirements/noble.txt", []),
-        ("msg_defs/msg/LocusDistance.msg", ALL_STEPS[1:]),
-        ("setup.py", ALL_STEPS[2:]),
+        ("tools/tf2_msgs/msg/TFMessage.msg", ALL_STEPS[1:]),
+        ("msg_defs/msg/LocusDistance.msg", ALL_STEPS[2:]),
+        ("setup.py", ALL_STEPS[3:]),
     ],
 )
 def test_changed_input_repeats_its_step_and_those_after_it(recorded, tree, file, steps):
