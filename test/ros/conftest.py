@@ -3,7 +3,6 @@ import sys
 import types
 
 import pytest
-from tf2_msgs.msg import TFMessage
 
 from plsing_ros.nodes import qos
 from plsing_ros.parameters.config_files import config_file
@@ -29,6 +28,7 @@ def tf2_ros(monkeypatch):
 
     docs/results/ros.md tells how the real one was tried.
     """
+    from tf2_msgs.msg import TFMessage
 
     class TransformException(Exception):  # noqa: N818
         pass
