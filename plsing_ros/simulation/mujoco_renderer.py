@@ -17,7 +17,7 @@ from plsing_ros.errors import PlsingError
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
 from plsing_ros.simulation.arm import AXES, CAMERA_OFFSET, JOINTS, OFFSETS, Arm
-from plsing_ros.simulation.polygon_renderer import Patch
+from plsing_ros.simulation.polygon_renderer import Patch, load_opencv
 from plsing_ros.tracking.camera import PinholeCamera
 
 _TEXTURE = 512  # pixels of a face's texture along its longer side
@@ -184,7 +184,7 @@ def _triangles(model: Model, face: tuple[int, ...]) -> list[tuple[int, ...]]:
 
 def _texture(corners: Array, light: float, patches: Sequence[Patch]) -> tuple[npt.NDArray[np.uint8], Array]:
     """Return the picture on a face, and where its corners are in it, shape (k, 2), from 0 to 1."""
-    cv = importlib.import_module("cv2")
+    cv = load_opencv()
     right = corners[1] - corners[0]
     right = right / np.linalg.norm(right)
     normal = next(n for c in corners[2:] if np.linalg.norm(n := cross(right, c - corners[0])) > 1e-9)
@@ -200,7 +200,7 @@ def _texture(corners: Array, light: float, patches: Sequence[Patch]) -> tuple[np
 
 
 def _png(picture: npt.NDArray[np.uint8]) -> bytes:
-    done, data = importlib.import_module("cv2").imencode(".png", picture)
+    done, data = load_opencv().imencode(".png", picture)
     if not done:
         raise PlsingError("OpenCV cannot write a picture in the format PNG")
     content: bytes = data.tobytes()

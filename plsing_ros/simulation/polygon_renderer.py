@@ -6,11 +6,13 @@ from __future__ import annotations
 import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array
+from plsing_ros.errors import PlsingError
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
 from plsing_ros.tracking.camera import PinholeCamera
@@ -59,7 +61,7 @@ class PolygonRenderer:
         patches: Sequence[Patch] = (),
         gamma: float = 2.2,
     ) -> None:
-        self._cv = importlib.import_module("cv2")
+        self._cv = load_opencv()
         self._model = model
         self._camera = camera
         self._lights = tuple(lights)
@@ -114,6 +116,21 @@ class PolygonRenderer:
         if np.abs(pixels).max() < 1e5:
             points = np.round(_shrunk(pixels) * 2**_SHIFT).astype(np.int32)
             self._cv.fillPoly(canvas, [points], round(255 * light), shift=_SHIFT)
+
+
+def load_opencv() -> ModuleType:
+    """Return OpenCV.
+
+    Raises:
+        PlsingError: If it is not installed.
+    """
+    try:
+        return importlib.import_module("cv2")
+    except ImportError:
+        raise PlsingError(
+            "images are drawn with OpenCV, which is not installed: sudo apt install python3-opencv, or pip install "
+            "opencv-python-headless"
+        ) from None
 
 
 def _shrunk(outline: Array) -> Array:

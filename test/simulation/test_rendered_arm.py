@@ -94,6 +94,12 @@ def test_where_mujoco_cannot_draw_opencv_does_and_says_what_to_install(monkeypat
         ArmSimulation(arm_parameters(renderer="mujoco"))
 
 
+def test_without_opencv_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(PlsingError, match="sudo apt install python3-opencv"):
+        ArmSimulation(arm_parameters(renderer="polygons"))
+
+
 def test_the_camera_moves_as_the_twist_says_and_the_image_with_it():
     simulation = ArmSimulation(arm_parameters(renderer="polygons", time_step=0.02))
     before, start = simulation.image, simulation.T_world_camera
