@@ -16,4 +16,5 @@ def generate_launch_description():
         "controller",
         remappings={"singularity_monitor": COMPLETED, "controller": COMPLETED},
         topics={"line_tracker": ("image", "camera_info", "initial_pose")},
+        scene="camera_arm.yaml",
     )

@@ -21,7 +21,10 @@ COMPLETED = {"line_features": "completed_line_features"}
 
 
 def describe_nodes(
-    *names: str, remappings: Mapping[str, Mapping[str, str]], topics: Mapping[str, tuple[str, ...]] | None = None
+    *names: str,
+    remappings: Mapping[str, Mapping[str, str]],
+    topics: Mapping[str, tuple[str, ...]] | None = None,
+    scene: str = "paper_p4l.yaml",
 ) -> LaunchDescription:
     """Return a description that starts nodes.
 
@@ -29,12 +32,13 @@ def describe_nodes(
         names: Executables, which are the nodes' names as well.
         remappings: For a node new names of topics by their old ones.
         topics: For a node those of its topics whose names are arguments of the launch file.
+        scene: Parameter file of config/ that is used if none is given.
     """
     topics = topics or {}
     arguments = [
         DeclareLaunchArgument(
             "params_file",
-            default_value=str(config_file("paper_p4l.yaml")),
+            default_value=str(config_file(scene)),
             description="Parameter file with the scene and the target",
         ),
         DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes"),

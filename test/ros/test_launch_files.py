@@ -38,8 +38,8 @@ def described(file):
 
 
 def test_there_is_one_for_each_use():
-    names = ["image_lines.launch.py", "line_tracker.launch.py", "servo.launch.py", "simulator.launch.py"]
-    assert [each.name for each in FILES] == names
+    names = ["arm_simulator", "image_lines", "line_tracker", "servo", "simulator"]
+    assert [each.name for each in FILES] == [f"{name}.launch.py" for name in names]
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
