@@ -31,7 +31,7 @@ CALLS = {"pose": 10, "singular": 10, "eigenproblem": 10, "batch": 1}
 def candidates() -> dict[str, Callable[[], object]]:
     """Return what can be measured."""
     every: dict[str, Callable[[], object]] = {}
-    for n in (4, 20, 100):
+    for n in (4, 20):
         own = control_cycle._own(_lines(n))
         every.update({f"{name} {n}": own[name] for name in ("core", "step", "input", "monitor")})
     for n in (4, 8):
