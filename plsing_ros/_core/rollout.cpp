@@ -58,6 +58,12 @@ public:
         // T_camera_believed.
         error_.rotation = camera.rotation.transpose() * believed.rotation;
         error_.translation = camera.rotation.transpose() * (believed.translation - camera.translation);
+        measure_distance();
+        surplus_ = out_.distance;
+        camera_ = believed;
+        measure_distance();
+        surplus_ -= out_.distance;
+        camera_ = camera;
         focal_ = draw_focal_length(loop, random_);
         true_lines_ = loop.map_noise > 0.0 || loop.focal_error > 0.0
                           ? draw_map(scene, loop, believed, camera, focal_, random_)
@@ -70,7 +76,9 @@ public:
     Outcome run()
     {
         const auto steps = static_cast<std::int64_t>(std::ceil(loop_.horizon / loop_.period));
-        const double away = std::max(kAwayFactor * loop_.start_distance, loop_.start_distance + kAwayMargin);
+        // What the pose is off by now, the distance at the start was off by, too.
+        const double from = std::max(loop_.start_distance + surplus_, 0.0);
+        const double away = std::max(kAwayFactor * from, from + kAwayMargin);
         // It may have been there for a while.
         bool was_there = loop_.arrived_for > 0.0;
         double arrived_since = -loop_.arrived_for;
@@ -269,7 +277,7 @@ private:
     std::vector<Vector6d> commands_;
     std::vector<std::array<double, 2>> history_;
     std::int64_t latest_ = 0, carried_out_ = 0, step_ = 0, counted_ = 0;
-    double square_ = 0.0, focal_ = 1.0, first_linear_ = -1.0, first_angular_ = -1.0;
+    double surplus_ = 0.0, square_ = 0.0, focal_ = 1.0, first_linear_ = -1.0, first_angular_ = -1.0;
     Outcome out_;
 };
 

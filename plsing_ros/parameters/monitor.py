@@ -93,7 +93,7 @@ _MONITORED = {
         _GROWTH,
         rises=True,
     ),
-    "risk": _Monitored("risk", 0.5, 0.9, "when the probability of harm is above this", _RATIO, rises=True),
+    "risk": _Monitored("risk", 0.75, 0.9, "when the probability of harm is above this", _RATIO, rises=True),
     "demand": _Monitored(
         "demand",
         1.0,

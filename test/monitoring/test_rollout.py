@@ -309,3 +309,13 @@ def test_the_error_of_an_estimated_pose_stays():
     assert Harm(outcome(False).kind[0]) is Harm.NONE
     late = outcome(True)
     assert Harm(late.kind[0]) is Harm.LATE and late.distance[0] == pytest.approx(0.07, abs=1e-3)
+
+
+def test_what_a_pose_is_off_by_is_no_way_gone():
+    # The sample is 0.3 m from the target where 0.1 m is believed: the run began 0.2 m farther away, too.
+    start, believed = offset_pose([0.0, 0.0, 0.0], [0.3, 0.0, 0.0]), offset_pose([0.0, 0.0, 0.0], [0.1, 0.0, 0.0])
+    law, loop = RolloutLaw("position", gain=1.0), LoopModel(period=0.05, horizon=14.0)
+    task = RolloutTask(LINES, TARGET, law, loop, T_world_camera=believed)
+    assert Harm(task.roll_out([start], RunState(14.0, 0.1), 0).kind[0]) is Harm.NONE
+    blind = dataclasses.replace(task, T_world_camera=None)
+    assert Harm(blind.roll_out([start], RunState(14.0, 0.1), 0).kind[0]) is Harm.AWAY
