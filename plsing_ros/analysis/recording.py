@@ -21,6 +21,7 @@ TYPES = {
     "singular_loci": "plsing_msgs/msg/SingularLoci",
     "singularity_alerts": "plsing_msgs/msg/SingularityAlert",
 }
+_METADATA = "metadata.yaml"
 _SECOND = 1_000_000_000
 
 
@@ -61,6 +62,12 @@ def read_recording(bag: str | Path, topics: Sequence[str] = tuple(TYPES)) -> Ite
     path = Path(bag)
     if not path.exists():
         raise RecordingError(f"recording {path} does not exist; give the folder that ros2 bag record has made")
+    if path.is_file() and (path.parent / _METADATA).exists():
+        path = path.parent
+    if path.is_dir() and not (path / _METADATA).exists():
+        raise RecordingError(
+            f"recording {path} has no {_METADATA}: it is no rosbag2, or its recorder was killed (try ros2 bag reindex)"
+        )
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             wanted = [

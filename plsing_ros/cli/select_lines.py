@@ -8,13 +8,18 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from plsing_ros.analysis.line_selection import LineSelection, select_lines
+from plsing_ros.arrays import Array
 from plsing_ros.cli.camera_poses import PATH_HELP, add_pose_options, camera_poses
 from plsing_ros.cli.command import add_worker_options, make_folder, run_command
+from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.scene_file import read_scene, read_segment_ends
+from plsing_ros.parameters.options import pose_options
+from plsing_ros.parameters.scene import scene_values
 
 _EPILOG = f"""examples:
   select_lines building.yaml --count 4 --box 2 -1 1 3 1 2
@@ -35,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("scene", help="parameter file with lines.points and lines.directions, and lines.ends if known")
+    parser.add_argument("scene", help="parameter file with lines.* (lines.ends if known), or a model: .obj, .cao")
     parser.add_argument("--count", type=int, default=4, help="how many lines (%(default)s)")
     add_pose_options(parser)
     parser.add_argument("--noise", type=float, default=1e-3, help="standard deviation of image lines (%(default)g)")
@@ -59,6 +64,7 @@ def _run(options: argparse.Namespace) -> int:
         make_folder(options.output, "write the figure", "--output")
     lines = read_scene(options.scene)
     poses = camera_poses(options, lines.pivot.mean(axis=0))
+    ends = read_segment_ends(options.scene, len(lines))
     with tqdm(unit="set", disable=None, leave=False) as bar:
 
         def progress(done: int, total: int) -> None:
@@ -69,7 +75,7 @@ def _run(options: argparse.Namespace) -> int:
             lines,
             options.count,
             poses,
-            ends=read_segment_ends(options.scene, len(lines)),
+            ends=ends,
             image_std=options.noise,
             max_angle=math.radians(options.view) / 2.0,
             clearance=options.clearance,
@@ -81,9 +87,36 @@ def _run(options: argparse.Namespace) -> int:
     print(json.dumps(_as_json(chosen), indent=2) if options.json else chosen)
     if options.output is not None:
         print(f"figure: {_save_figure(chosen, options.output / 'selection.png')}")
+        print(f"parameters: {_save_parameters(chosen, lines, ends, poses, options)}")
     if not chosen.is_clear:
         print("no set of lines keeps the clearance: choose other poses, more lines, or a smaller --clearance")
     return 0
+
+
+def _save_parameters(
+    chosen: LineSelection, lines: LineSet, ends: Array | None, poses: Sequence[Pose], options: argparse.Namespace
+) -> Path:
+    """Write a parameter file for the nodes with the chosen lines, and with start and target if there are any."""
+    import yaml
+
+    rows = [lines.ids.index(i) for i in chosen.ids]
+    kept = lines.select(rows)
+    scene = {name.removeprefix("lines."): value for name, value in scene_values(kept).items()}
+    sections: dict[str, Any] = {}
+    if options.box is None:
+        sections["controller"] = {"target": pose_options(poses[-1])}
+        sections["singularity_monitor"] = {"target": {"known": True, **pose_options(poses[-1])}}
+    if options.box is None and len(poses) > 1:
+        sections["feature_simulator"] = {"start": pose_options(poses[0])}
+    if ends is not None:
+        sections.setdefault("singularity_monitor", {})["lines"] = {"ends": ends[rows].ravel().tolist()}
+    content = {f"/**/{node}": {"ros__parameters": values} for node, values in sections.items()}
+    # Last, because later sections win.
+    content["/**"] = {"ros__parameters": {"lines": scene, "scene_frame": kept.frame}}
+    file: Path = options.output / "lines.yaml"
+    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
+    file.write_text(f"# Lines that select_lines chose from {options.scene}.\n{text}", encoding="utf-8")
+    return file
 
 
 def _as_json(chosen: LineSelection) -> dict[str, object]:

@@ -107,8 +107,10 @@ def test_the_monitor_says_what_it_says_live_and_the_controller_commands_what_it_
 def test_other_thresholds_give_other_alerts(tmp_path, capsys):
     write_run(tmp_path / "run")
     answers = []
+    # By distances alone: the roll-outs know at once that this run comes to harm.
+    distances = ["--set", "prediction.controller=unknown"]
     for changes in ([], ["--set", "warn.transversal_distance=5.0"]):
-        assert main([str(tmp_path / "run"), "--params-file", PAPER, "--json", *changes]) == 0
+        assert main([str(tmp_path / "run"), "--params-file", PAPER, "--json", *distances, *changes]) == 0
         answers.append(json.loads(capsys.readouterr().out)["alerts"][0]["level"])
     assert answers == ["OK", "WARN"]
 
@@ -124,7 +126,19 @@ def test_broken_and_foreign_recordings_get_a_sentence(tmp_path, capsys):
     with Writer(tmp_path / "foreign", version=9) as writer:
         text = writer.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
         writer.write(text, 1, store.serialize_cdr(store.types["std_msgs/msg/String"]("hello"), "std_msgs/msg/String"))
-    for name, words in (("cut", "broken"), ("empty", "broken"), ("foreign", "/chatter"), ("nowhere", "does not exist")):
+    shutil.copytree(tmp_path / "run", tmp_path / "noise")
+    next((tmp_path / "noise").glob("*.mcap")).write_bytes(np.random.default_rng(1).bytes(5000))
+    write_run(tmp_path / "sqlite", StoragePlugin.SQLITE3, frames=20)
+    database = next((tmp_path / "sqlite").glob("*.db3"))
+    database.write_bytes(database.read_bytes()[: database.stat().st_size // 2])
+    for name, words in (
+        ("noise", "broken"),
+        ("sqlite", "broken"),
+        ("cut", "broken"),
+        ("empty", "no metadata.yaml"),
+        ("foreign", "/chatter"),
+        ("nowhere", "does not exist"),
+    ):
         assert main([str(tmp_path / name), "--params-file", PAPER]) == 1
         error = capsys.readouterr().err
         assert words in error and error.count("\n") == 1 and name in error
@@ -141,3 +155,12 @@ def test_without_a_scene_it_says_what_to_give(tmp_path, capsys):
     write_run(tmp_path / "run", frames=3)
     assert main([str(tmp_path / "run")]) == 1
     assert "--params-file" in capsys.readouterr().err
+
+
+def test_the_file_in_the_folder_will_do(tmp_path, capsys):
+    write_run(tmp_path / "run", frames=3)
+    answers = []
+    for bag in (tmp_path / "run", next((tmp_path / "run").glob("*.mcap"))):
+        assert main([str(bag), "--params-file", PAPER]) == 0
+        answers.append(capsys.readouterr().out)
+    assert answers[0] == answers[1]

@@ -226,6 +226,8 @@ class _Loop:
             except PlsingError as problem:
                 assessment = self._monitor.unusable(str(problem), stamp)
         try:
+            if pose is not None and trusted:
+                self._controller.receive_pose(pose, stamp, tracked.estimate.covariance)
             command = (
                 self._controller.halt(reason)
                 if tracked.completed is None
