@@ -53,6 +53,7 @@ _FORGETTING = 1.5
 _SHOWN = 0.5
 _LEARNING = 0.1
 _MIN_SHARE = 0.1  # of the variance that is claimed
+_MIN_SHARE_OF_USUAL = 0.85  # of the excess that images had until now: less, and something is in the way, or wrong
 _MAX_SCALE = 1.3  # of residuals, beyond which edges contradict each other
 _NOTHING: Array = np.zeros((6, 6))
 
@@ -114,6 +115,7 @@ class LineTracker:
         # The smallest turn that maps the model onto itself [rad]; infinite if there is none.
         self.min_symmetry, _, self._symmetry = turns[0] if turns else (math.inf, 0, None)
         self._doubt = _MIN_DOUBT  # how far the object may have turned unseen [rad]
+        self._usual: float | None = None  # excess of the images until now
         self._noise = 0.0  # of the image [grey levels]
         self._gamma = gamma
 
@@ -126,6 +128,7 @@ class LineTracker:
         self._last = pose.inverse()
         self._doubt = _MIN_DOUBT
         self._losses = 1
+        self._usual = None
         self._contrast[:] = 0.0
         if self._points is not None:
             self._points.forget()
@@ -287,6 +290,13 @@ class LineTracker:
             return TrackingState.AMBIGUOUS, f"a pose turned by {degrees:.0f} degrees explains the edges as well"
         if fit.excess < _GOOD_EXCESS:
             return TrackingState.WEAK, f"the image explains only {fit.support:.0%} of the visible edges"
+        usual = self._usual
+        self._usual = fit.excess if usual is None else usual + _LEARNING * (fit.excess - usual)
+        if usual is not None and fit.excess < _MIN_SHARE_OF_USUAL * usual:
+            return (
+                TrackingState.WEAK,
+                f"the image explains {fit.support:.0%} of the visible edges, fewer than until now",
+            )
         if fit.scale > _MAX_SCALE:
             return TrackingState.WEAK, f"the edges fit one pose {fit.scale:.1f} times worse than each fits its line"
         deviation = math.sqrt(float(np.linalg.eigvalsh(self._at_object(covariance, fit.T_camera_model))[-1]))

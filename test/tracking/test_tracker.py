@@ -116,6 +116,20 @@ def test_what_is_not_seen_is_announced_and_found_again():
             assert result.state == TrackingState.TRACKING and error(result.T_world_camera, orbit(k))[0] < 5e-3
 
 
+def test_after_a_jump_a_wrong_pose_is_never_called_tracking():
+    """A box that is seen from elsewhere in the next image looks much like one that has not moved."""
+    drawing, random = renderer(background=0.02), np.random.default_rng(3)
+    found = set()
+    for k in (38, 50, 62, 92, 110):
+        tracker = LineTracker(box(), CAMERA)
+        tracker.track(drawing.render(orbit(0).inverse(), 1.0, random), orbit(0))
+        result = tracker.track(drawing.render(orbit(k).inverse(), 1.0, random))
+        found.add(result.state)
+        if result.state == TrackingState.TRACKING:
+            assert error(result.T_world_camera, orbit(k))[0] < 5e-3, k
+    assert {TrackingState.TRACKING, TrackingState.WEAK} <= found
+
+
 def test_a_first_pose_that_is_off_is_searched_for():
     drawing, random = renderer(background=0.02), np.random.default_rng(3)
     image = drawing.render(orbit(0).inverse(), 2.0, random)
