@@ -214,6 +214,13 @@ class LawParameters(TaskParameters):
         minimum=0.0,
         maximum=1000.0,
     )
+    half_view: tuple[float, ...] = parameter(
+        (0.0, 0.0),
+        "camera.half_view",
+        "Tangents of half the field of view, horizontal and vertical: half the image over focal length; 0: not limited",
+        minimum=0.0,
+        maximum=1e3,
+    )
     latency: float = parameter(
         0.0,
         "latency",
@@ -259,6 +266,8 @@ class LawParameters(TaskParameters):
                 f"{self.gain * self.latency:.3g}; allowed is {_MAX_GAIN_LATENCY:g}, or an error of half the latency "
                 "makes the loop diverge"
             )
+        if len(self.half_view) != 2:
+            raise ParameterError(f"parameter 'camera.half_view' has {len(self.half_view)} numbers; it must have 2")
         if not any(self.degrees_of_freedom):
             raise ParameterError("parameter 'degrees_of_freedom' has no 1; at least one must be left to move")
 

@@ -77,13 +77,6 @@ class LoopParameters(LawParameters, ToleranceParameters):
         minimum=0.0,
         maximum=1.0,
     )
-    half_view: tuple[float, ...] = parameter(
-        (0.0, 0.0),
-        "camera.half_view",
-        "Tangents of half the field of view, horizontal and vertical: half the image over focal length; 0: not limited",
-        minimum=0.0,
-        maximum=1e3,
-    )
     nearest: float = parameter(
         0.02, "camera.nearest", "Nothing nearer than this is seen", unit="m", minimum=1e-6, maximum=1e3
     )
@@ -127,8 +120,6 @@ class LoopParameters(LawParameters, ToleranceParameters):
     def check_loop(self) -> None:
         """Refuse what does not fit together."""
         self.check_law()
-        if len(self.half_view) != 2:
-            raise ParameterError(f"parameter 'camera.half_view' has {len(self.half_view)} numbers; it must have 2")
         if self.line_ends and len(self.line_ends) != 2 * len(self.lines_points):
             raise ParameterError(
                 f"parameter 'lines.ends' has {len(self.line_ends)} numbers; it must have 6 for each line, "

@@ -5,18 +5,18 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from plsing_ros.arrays import Array, BoolArray
+from plsing_ros.arrays import Array, BoolArray, IntArray
 from plsing_ros.errors import GeometryError
 from plsing_ros.features import degenerate_projections
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import MessageWord
 from plsing_ros.planning.camera_path import CameraPath, SpeedLimits, even_progress
 from plsing_ros.planning.clearance import Clearance
-from plsing_ros.planning.path_conditions import focal_angles, inverse_condition_numbers
+from plsing_ros.planning.path_conditions import focal_angles, inverse_condition_numbers, lines_in_view
 from plsing_ros.planning.waypoints import WaypointSearch
 from plsing_ros.singularities import Kind, SingularSet
 
@@ -54,6 +54,8 @@ class DetourOptions:
         accept_singular_target: Whether to go to a target on a locus.
         cross_surfaces: Whether to cross surfaces that separate start and target.
         limits: How fast to go.
+        half_view: Tangents of half the field of view, horizontal and vertical: a path has at least as many lines in
+            view as the end that sees fewer, where there is such a path; 0: not limited.
 
     Raises:
         GeometryError: If a number is outside its range.
@@ -67,6 +69,7 @@ class DetourOptions:
     accept_singular_target: bool = False
     cross_surfaces: bool = True
     limits: SpeedLimits = field(default_factory=SpeedLimits)
+    half_view: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name in ("margin", "max_distance"):
@@ -106,6 +109,14 @@ def plan_path(singular: SingularSet, start: Pose, target: Pose, options: DetourO
     Source: new, docs/laws.md section "Detour".
     """
     options = options or DetourOptions()
+    plan = _plan(singular, start, target, options)
+    if plan.path is not None or not any(options.half_view):
+        return plan
+    blind = _plan(singular, start, target, replace(options, half_view=(0.0, 0.0)))
+    return blind if blind.path is None else replace(blind, reason=f"{blind.reason}; lines leave the view on every path")
+
+
+def _plan(singular: SingularSet, start: Pose, target: Pose, options: DetourOptions) -> Plan:
     refusal = _refusal(singular, target, options)
     clearance = Clearance(singular, start.translation, target.translation, options.margin)
     if refusal is None and clearance.crossed and not options.cross_surfaces:
@@ -208,6 +219,7 @@ class _CandidateCheck:
         ends = CameraPath(start, target, options.limits).poses(np.array([0.0, 1.0]))
         self._condition_at_ends = float(inverse_condition_numbers(singular.lines, *ends).min())
         self._angles = focal_angles(singular.lines, *ends)
+        self._in_view = int(self._lines_in_view(*ends).min())
 
     def well_conditioned(self, progress: Array, position: Array) -> BoolArray:
         """Return whether centres (k, 3) are, with the orientation of the turn at that progress, shape (k,)."""
@@ -242,6 +254,9 @@ class _CandidateCheck:
             if tilt.any():
                 path = CameraPath(self._start, self._target, limits, waypoints, tilt)
                 rotation, position = path.poses(progress)
+            if (fewest := int(self._lines_in_view(rotation, position).min())) < self._in_view:
+                best = best if best.problem else _Candidate(path, f"only {fewest} lines are in view")
+                continue
             line = self._line_near_focal_plane(progress, rotation, position)
             if line is not None:
                 best = best if best.problem else _Candidate(path, f"line {line} comes near the focal plane")
@@ -259,6 +274,13 @@ class _CandidateCheck:
         if best.sound:
             self._avoid(place)
         return best
+
+    def _lines_in_view(self, rotation: Array, position: Array) -> IntArray:
+        """Return how many lines are seen from each pose, shape (k,); all where the view is not limited."""
+        half_view = self.options.half_view
+        if not all(half_view):
+            return np.full(len(position), len(self._lines))
+        return lines_in_view(self._lines, rotation, position, half_view)
 
     def _line_near_focal_plane(self, progress: Array, rotation: Array, position: Array) -> int | None:
         """Return the id of a line whose plane of rays comes too near the focal plane, or None."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plsing_ros.arrays import Array
+from plsing_ros.arrays import Array, IntArray
 from plsing_ros.features.image_jacobians import image_jacobians, lines_in_cameras
 from plsing_ros.geometry import LineSet
 
@@ -35,3 +35,26 @@ def focal_angles(lines: LineSet, rotation: Array, position: Array) -> Array:
     _, moment = lines_in_cameras(lines, rotation, position)
     angle: Array = np.arctan2(np.hypot(moment[..., 0], moment[..., 1]), np.abs(moment[..., 2]))
     return angle
+
+
+def lines_in_view(lines: LineSet, rotation: Array, position: Array, half_view: tuple[float, float]) -> IntArray:
+    """Return how many lines are seen from each pose, shape (k,): those that pass through the image in front of it.
+
+    Args:
+        lines, rotation, position: As for inverse_condition_numbers.
+        half_view: Tangents of half the field of view, horizontal and vertical.
+    """
+    direction, moment = lines_in_cameras(lines, rotation, position)
+    seen = np.zeros(moment.shape[:2], dtype=bool)
+    # The image line l . (x, y, 1) = 0 is cut with the image's four edges, each cut is followed to the line in space.
+    for axis, other in ((0, 1), (1, 0)):
+        for edge in (-half_view[axis], half_view[axis]):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                along = -(moment[..., axis] * edge + moment[..., 2]) / moment[..., other]
+                ray = np.empty((*along.shape, 3))
+                ray[..., axis], ray[..., other], ray[..., 2] = edge, along, 1.0
+                across = np.cross(ray, direction)
+                depth = np.einsum("kni,kni->kn", moment, across) / np.einsum("kni,kni->kn", across, across)
+                seen |= (np.abs(along) <= half_view[other]) & (depth > 0.0)
+    counts: IntArray = np.count_nonzero(seen, axis=1)
+    return counts

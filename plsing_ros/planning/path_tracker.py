@@ -201,6 +201,7 @@ def detour_options(parameters: ControllerParameters) -> DetourOptions:
     return DetourOptions(
         margin=parameters.detour_margin,
         accept_singular_target=parameters.min_target_condition == 0.0,
+        half_view=(parameters.half_view[0], parameters.half_view[1]),
         limits=SpeedLimits(
             min(parameters.detour_linear_speed, _ROOM * linear), min(parameters.detour_angular_speed, _ROOM * angular)
         ),

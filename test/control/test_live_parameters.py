@@ -94,6 +94,7 @@ CASES = [
     ("fused.angle_std", 1.0, {"law": "fused"}, {"image": 0.05}),
     ("fused.offset_std", 1.0, {"law": "fused"}, {"image": 0.05}),
     ("fused.map_std", 1.0, {"law": "fused"}, {"image": 0.05}),
+    ("camera.half_view", (0.05, 0.05), {"law": "detour"}, {}),
     ("max_linear_speed", 1e-3, {}, {}),
     ("max_angular_speed", 1e-6, {}, {}),
     ("converged_error", 1.0, {}, {}),
