@@ -11,7 +11,14 @@ import numpy as np
 from plsing_ros import _core
 from plsing_ros.arrays import Array, cross
 from plsing_ros.errors import GeometryError
-from plsing_ros.features.contradictions import Explanations, fit_of, image_contradiction, text_of_pose
+from plsing_ros.features.contradictions import (
+    Explanations,
+    exchanged_images_text,
+    fit_of,
+    image_contradiction,
+    text_of_pose,
+)
+from plsing_ros.features.near_pairs import exchanged_pair
 from plsing_ros.features.observation import LineObservation
 from plsing_ros.geometry import LineSet, Pose, align_lines
 from plsing_ros.geometry.line_alignment import matched_rows
@@ -20,6 +27,8 @@ from plsing_ros.geometry.line_alignment import matched_rows
 _OTHER_SIDE = 1.9
 # From here on another explanation of the image is looked for [rad].
 _SUSPICIOUS = 0.08
+# Standard deviations in a tolerance.
+_DEVIATIONS = 8.0
 # Up to this share of what is allowed, directions are not looked at line by line.
 _SURE = 0.1
 _NOTHING = np.empty((0, 3))
@@ -97,8 +106,10 @@ class ConsistencyCheck:
             T_world_camera: Where the camera is said to be, if that is known from elsewhere.
         """
         lines = observation.lines_camera
-        if lines is None or self._agrees(observation.usable_image_lines, lines, T_world_camera):
+        if lines is None:
             return None
+        if self._agrees(observation.usable_image_lines, lines, T_world_camera):
+            return self._of_near_pairs(observation, lines)
         with np.errstate(over="ignore", invalid="ignore"):
             problem = self._of_image(observation.usable_image_lines, lines)
             if problem is not None or self._scene is None:
@@ -123,6 +134,14 @@ class ConsistencyCheck:
         return _core.are_consistent(
             image, lines.direction, lines.moment, *expected, *self._sure, told.rotation, told.translation, *self._near
         )
+
+    def _of_near_pairs(self, observation: LineObservation, lines: LineSet) -> str | None:
+        covariances = observation.usable_covariances
+        if covariances is None:
+            return None
+        map_std = self.tolerances.position / _DEVIATIONS
+        rows = exchanged_pair(observation.usable_image_lines, lines.moment, covariances, map_std)
+        return None if rows is None else exchanged_images_text(*(lines.ids[row] for row in rows))
 
     def _of_image(self, image: Array, lines: LineSet) -> str | None:
         """Compare the planes of image lines with those of the message's own 3-D lines."""

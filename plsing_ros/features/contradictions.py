@@ -122,11 +122,16 @@ def _exchanged_rows(ids: tuple[int, ...], image: Array, projected: Array, angle:
         own = float(angle[off[a]] ** 2 + angle[off[b]] ** 2)
         other = float(cross_angle[a, b] ** 2 + cross_angle[b, a] ** 2)
         if other < _MUCH_BETTER * own:
-            return (
-                f"image lines {ids[off[a]]} and {ids[off[b]]} are exchanged: each is the image of the other's 3-D "
-                "line; check the order of the rows"
-            )
+            return exchanged_images_text(ids[off[a]], ids[off[b]])
     return None
+
+
+def exchanged_images_text(first: int, second: int) -> str:
+    """Return the sentence for two image lines of these ids that have each other's 3-D lines."""
+    return (
+        f"image lines {first} and {second} are exchanged: each is the image of the other's 3-D line; check the order "
+        "of the rows"
+    )
 
 
 def _scaled_offsets(image: Array, projected: Array, angle: Array) -> str | None:

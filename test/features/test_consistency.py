@@ -10,6 +10,7 @@ from strategies import numbers, vectors
 
 from plsing_ros.features import LineObservation
 from plsing_ros.features.consistency import ConsistencyCheck, Tolerances
+from plsing_ros.features.near_pairs import exchanged_pair
 from plsing_ros.geometry import LineSet, Pose
 
 PAPER = LineSet.from_points_directions(
@@ -165,3 +166,24 @@ def test_huge_numbers_are_refused_without_an_exception(offset, moment):
     lines = LineSet(seen.lines_camera.direction, seen.lines_camera.moment * moment, "camera", seen.ids)
     check = ConsistencyCheck(PAPER, Tolerances(image=0.1, position=0.01))
     assert check.contradiction(LineObservation(seen.ids, image, seen.usable, lines)) is not None
+
+
+@given(
+    apart=st.tuples(numbers(-0.15, 0.15), numbers(-0.1, 0.1)),
+    std=numbers(2e-4, 2e-3),
+    noise=vectors(4, -2.0, 2.0),
+    moved=vectors(2, -0.03, 0.03),
+)
+def test_nearly_equal_image_lines_that_are_exchanged_are_named_where_noise_lets_them(apart, std, noise, moved):
+    # Two lines seen at 2 m, their images apart by an angle and an offset, both moved alike by an error of the pose.
+    there = np.array([[0.3, 0.2], [0.3 + apart[0], 0.2 + apart[1]]])
+    moment = 2.0 * np.column_stack([np.cos(there[:, 0]), np.sin(there[:, 0]), there[:, 1]])
+    seen = there + moved + std * noise.reshape(2, 2)
+    image = np.column_stack([np.cos(seen[:, 0]), np.sin(seen[:, 0]), seen[:, 1]])
+    own = np.tile((std**2, 0.0, std**2), (2, 1))
+    # The ends of a segment have a variance of 2 std^2 across it here; the map adds (5 mm / 2 m)^2.
+    total = std * np.sqrt(1.0 + (0.005 / 2.0) ** 2 / (2.0 * std**2))
+    separation = np.linalg.norm(apart) / (np.sqrt(2.0) * total)
+    assert exchanged_pair(image, moment, own, 0.005) is None
+    if separation > 8.0:
+        assert exchanged_pair(image[::-1], moment, own, 0.005) == (0, 1)
