@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Looking ahead: what the camera will see when the robot begins to move by an image."""
+"""Looking ahead: what the camera will see when the robot begins to move by an image, and how late that is."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ _SECOND = 1_000_000_000
 _MOST_TWISTS = 4096
 # After a longer gap a twist is taken to have been held for this long [ns]: the robot's own timeout is not known.
 _LONGEST_HOLD = 200_000_000
+# A share of each frame in the mean age; gain times an age that is not looked ahead by, from which on it is said.
+_AGE_MEMORY = 0.05
+_MUCH_LATER = 0.5
 _HERE = Pose(np.eye(3), np.zeros(3))
 
 
@@ -98,3 +101,30 @@ class LookAhead:
         changed = (image + project_lines(then) - project_lines(lines)).reshape(-1, 3)
         changed[:, :2] /= np.hypot(changed[:, 0], changed[:, 1])[:, np.newaxis]
         return then, changed.ravel()
+
+
+class FeatureAge:
+    """Watches how old features are when they are answered, which is the least that the latency can be."""
+
+    def __init__(self) -> None:
+        self._age = 0.0
+        self._warns = False
+
+    def hint(self, stamp: int, now: int, gain: float, latency: float) -> str:
+        """Return what is wrong with the latency that is looked ahead by, or "".
+
+        Args:
+            stamp: Of the features [ns].
+            now: When they are answered [ns].
+            gain: lambda [1/s].
+            latency: That is looked ahead by [s].
+        """
+        self._age += _AGE_MEMORY * ((now - stamp) / _SECOND - self._age)
+        missing = gain * (self._age - latency)
+        self._warns = missing > (_MUCH_LATER if not self._warns else 0.8 * _MUCH_LATER)
+        if not self._warns:
+            return ""
+        return (
+            f"features are {self._age:.2g} s old when they are answered, and latency is {latency:g} s: gain times the "
+            f"difference is {missing:.2g}, and the loop diverges above 1.57; set latency, or a lower gain"
+        )

@@ -13,6 +13,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command, Mode
 from plsing_ros.control.gate import StatusGate
 from plsing_ros.control.gate_exit import leave
+from plsing_ros.control.latency import FeatureAge
 from plsing_ros.control.pose_laws import PoseErrors
 from plsing_ros.control.servo_cycle import ServoCycle
 from plsing_ros.errors import GeometryError, ObservationError, PlsingError
@@ -94,6 +95,7 @@ class ServoController:
         self._check = ConsistencyCheck(None)
         self._seen: LineSet | None = None
         self._poses = ReceivedPoses()
+        self._age = FeatureAge()
         self._estimator: PoseEstimator | None = None
         self._stamp_filter = StampFilter(
             "features", parameters.features_timeout, parameters.future_tolerance, "features_timeout"
@@ -280,7 +282,10 @@ class ServoController:
             self._pause()
             command = leave(command, lines, closed)
         unknown = self._check.unknown_ids(observation)
-        return command if not unknown else _with_note(command, unknown)
+        if unknown:
+            command = _with_note(command, _unknown_text(unknown))
+        hint = self._age.hint(stamp, now, parameters.gain, parameters.latency)
+        return _with_note(command, hint) if hint else command
 
     def twist_covariance(self) -> Array:
         """Return the covariance of the latest twist of the camera, shape (6, 6); zeros where nothing is commanded.
@@ -438,9 +443,12 @@ def _reaction(verdict: LinesVerdict, parameters: ControllerParameters) -> str:
     return parameters.poor_lines if verdict is LinesVerdict.POOR else parameters.ambiguous_lines
 
 
-def _with_note(command: Command, unknown: tuple[int, ...]) -> Command:
+def _unknown_text(unknown: tuple[int, ...]) -> str:
     ids = ", ".join(map(str, unknown))
-    note = f"line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene (lines.ids): left out"
+    return f"line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene (lines.ids): left out"
+
+
+def _with_note(command: Command, note: str) -> Command:
     return command._replace(reason=f"{command.reason}; {note}" if command.reason else note)
 
 

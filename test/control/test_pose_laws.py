@@ -170,6 +170,19 @@ def test_gain_times_latency_of_1_6_converges_when_the_latency_is_known(law):
     assert run_late(law, 4.0, 10, 0.4) < 2e-3
 
 
+def last_reasons(servo):
+    """Return the first and the last reason for features that are answered 0.4 s late, 30 a second."""
+    stamps = [SECOND + k * SECOND // 30 for k in range(100)]
+    reasons = [servo.answer(seen_by(TARGET), stamp, stamp + 4 * SECOND // 10).reason for stamp in stamps]
+    return reasons[0], reasons[-1]
+
+
+def test_features_that_are_answered_late_are_said_unless_looked_ahead_by():
+    for gain, latency, said in ((2.0, 0.0, True), (2.0, 0.4, False), (0.2, 0.0, False)):
+        first, last = last_reasons(servo_with("pinv", gain=gain, latency=latency))
+        assert "set latency" not in first and ("set latency" in last) is said
+
+
 def test_gain_times_latency_is_limited():
     with pytest.raises(ParameterError, match="times 'latency'"):
         servo_with("pinv", gain=10.0, latency=0.5)
