@@ -108,16 +108,20 @@ class ConsistencyCheck:
         lines = observation.lines_camera
         if lines is None:
             return None
-        if self._agrees(observation.usable_image_lines, lines, T_world_camera):
-            return self._of_near_pairs(observation, lines)
+        problem = None
+        if not self._agrees(observation.usable_image_lines, lines, T_world_camera):
+            problem = self._disagreement(observation.usable_image_lines, lines, T_world_camera)
+        return problem or self._of_near_pairs(observation, lines)
+
+    def _disagreement(self, image: Array, lines: LineSet, told: Pose | None) -> str | None:
         with np.errstate(over="ignore", invalid="ignore"):
-            problem = self._of_image(observation.usable_image_lines, lines)
+            problem = self._of_image(image, lines)
             if problem is not None or self._scene is None:
                 return problem
             seen, expected = self._matched(lines)
             if seen is None or expected is None:
                 return None
-            return self._of_scene(expected, seen, T_world_camera)
+            return self._of_scene(expected, seen, told)
 
     def _agrees(self, image: Array, lines: LineSet, told: Pose | None) -> bool:
         """Return whether nothing is near what is allowed: most frames need no more."""
