@@ -62,7 +62,6 @@ class ServoController:
     Attributes:
         gate: Takes the monitor's statuses; asked where the parameter gate says so.
         warning: What is doubtful about target and parameters, in words, or "".
-        unchecked: What could not be checked about the latest features, in words, or "".
     """
 
     def __init__(
@@ -86,7 +85,8 @@ class ServoController:
 
     def _start(self, parameters: ControllerParameters, planner: Planner | None = None) -> None:
         self._planner = planner
-        self.warning = self.unchecked = ""
+        self.warning = ""
+        self._checked: LineObservation | None = None
         self._enabled = parameters.enabled
         self._target: Target | None = None
         self._cycle: ServoCycle | None = None
@@ -161,6 +161,11 @@ class ServoController:
     def plan(self) -> Plan | None:
         """The path that is followed, or was refused; None without one."""
         return None if self._cycle is None else self._cycle.plan
+
+    @property
+    def unchecked(self) -> str:
+        """What could not be checked about the latest features, in words, or ""."""
+        return "" if self._checked is None else self._check.unchecked(self._checked)
 
     @property
     def target(self) -> Target | None:
@@ -265,7 +270,7 @@ class ServoController:
             self._pause()
             return command or Command(Mode.WAITING, "no target: no desired features received yet")
         told = self._poses.at(stamp, 0.0)
-        self.unchecked = self._check.unchecked(observation)
+        self._checked = observation
         problem = self._check.contradiction(observation, None if told is None else told.T_world_camera)
         if problem is not None:
             return self.halt(problem)

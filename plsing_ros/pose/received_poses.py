@@ -60,8 +60,10 @@ class ReceivedPoses:
 
     def at(self, stamp: int, tolerance: float) -> ReceivedPose | None:
         """Return the pose that was received for features of a stamp [ns] to a tolerance [s], or None."""
+        if not self._poses:
+            return None
         # The latest nearly always has the very stamp of the features.
-        if self._poses and self._poses[-1].stamp == stamp:
+        if self._poses[-1].stamp == stamp:
             return self._poses[-1]
         found, least = None, tolerance * _SECOND
         for pose in reversed(self._poses):
