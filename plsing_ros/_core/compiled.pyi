@@ -550,8 +550,21 @@ class Innovation:
     of_line: Array
     removal: Array
     reversed: Array
+    log_determinants: Array
     log_determinant: float
     iterations: int
+
+class Curvature:
+    """How an image differs from a linear one.
+
+    Attributes:
+        nonlinearity: Of the misfit two standard deviations away in the direction of which it told least, as a share of
+            what a linear image makes of it.
+        by_pose: That direction, as a linear function of the error of the pose before the image, shape (6,).
+    """
+
+    nonlinearity: float
+    by_pose: Array
 
 class FilterState:
     """A pose T_world_camera, and the drift of the twist: by what it differs for a while from the one given.
@@ -559,7 +572,7 @@ class FilterState:
     Attributes:
         rotation: Shape (3, 3).
         position: Shape (3,) [m].
-        drift: In units of the drift given to predict, shape (6,).
+        drift: As predict is told, shape (6,).
         covariance: Of position and orientation as in geometry_msgs/PoseWithCovariance, shape (6, 6).
     """
 
@@ -568,19 +581,36 @@ class FilterState:
     drift: Array
     covariance: Array
 
-    def __init__(self, rotation: Array, position: Array, covariance: Array, map_lines: int) -> None:
-        """Begin with a pose; map_lines is the count of the map's lines, or 0 for a map without errors."""
+    def __init__(
+        self, rotation: Array, position: Array, covariance: Array, drift_covariance: Array, map_lines: int
+    ) -> None:
+        """Begin with a pose and no drift.
+
+        Args:
+            rotation: Shape (3, 3).
+            position: Shape (3,) [m].
+            covariance: Of the pose, shape (6, 6).
+            drift_covariance: Of the drift, shape (6, 6).
+            map_lines: Count of the map's lines, or 0 for a map without errors.
+        """
+
+    @staticmethod
+    def mixture(states: list[FilterState], weights: list[float]) -> FilterState:
+        """Return the one state with mean and covariance of a mixture, whose weights sum to 1."""
 
     def copy(self) -> FilterState:
         """Return a state that is the same."""
 
-    def predict(self, twist: Array, noise: Array, drift: Array, duration: float, memory: float) -> None:
+    def predict(
+        self, twist: Array, noise: Array, drift_twist: Array, drift_std: float, duration: float, memory: float
+    ) -> None:
         """Move on with a twist (v, omega) in the camera's frame, shape (6,).
 
         Args:
             twist: [m/s, rad/s].
             noise: Standard deviation of this step's own error of the twist, shape (6,).
-            drift: Standard deviation of the lasting error, the unit of the state's drift, shape (6,).
+            drift_twist: Times the drift, the lasting error of the twist, shape (6, 6).
+            drift_std: Standard deviation of each number of the drift where nothing is known of it.
             duration: [s].
             memory: What is left of the drift at the end, in [0, 1].
         """
@@ -588,19 +618,33 @@ class FilterState:
     def inflate(self, pose: Array) -> None:
         """Add to the covariance of the pose, shape (6, 6)."""
 
-    def scale_drift(self, factor: float) -> None:
-        """Go on with units of the drift that are so many times smaller."""
+    def forget_drift(self, drift_std: float) -> None:
+        """Know nothing of the drift any more, but the standard deviation of its numbers."""
 
-    def disagreement(self, wary: FilterState, drift_units: float) -> float:
-        """Return how far this is from the state of a filter that assumes less, in squared standard deviations.
-
-        About 12 if what this one assumes is right.
+    def part(self, by_pose: Array, offset: float, std: float) -> FilterState:
+        """Return a part of this state: parts are a mixture that stands for it.
 
         Args:
-            wary: The other one.
-            drift_units: By how much its units of the drift are larger.
+            by_pose: A linear function of the error of the pose, shape (6,).
+            offset: By how many of its standard deviations that is off from its mean in the part.
+            std: To how many of them it is known there.
+        """
 
-        Source: the specification test of Hausman (1978).
+    def curvature(
+        self,
+        before: FilterState,
+        map_lines: FilterMap,
+        rows: list[int],
+        image: Array,
+        covariances: Array,
+        used: list[bool],
+    ) -> Curvature:
+        """Return where the image that led from a state before to this one told least, and how linear it is there."""
+
+    def merging_cost(self, other: FilterState, own_weight: float, other_weight: float) -> float:
+        """Return a bound of what is lost, as a divergence, when two parts of a mixture become one.
+
+        Source: Runnalls (2007).
         """
 
     def update(

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pose_filter.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include <pybind11/eigen.h>
@@ -97,19 +98,48 @@ FilterMap::FilterMap(const Rows &direction_, const Rows &pivot_, const Eigen::Ve
 }
 
 FilterState::FilterState(const Matrix3d &rotation_, const Vector3d &position_, const Matrix6d &covariance_,
-                         Index map_lines)
+                         const Matrix6d &drift_covariance, Index map_lines)
     : rotation(rotation_), position(position_), with_map(Eigen::MatrixXd::Zero(12, 4 * map_lines))
 {
     covariance.topLeftCorner<6, 6>() = covariance_;
-    covariance.bottomRightCorner<6, 6>().setIdentity();
+    covariance.bottomRightCorner<6, 6>() = drift_covariance;
 }
 
-// twist, noise, drift: (v, omega) in the camera's frame; noise is the standard deviation of this step's own error,
-// drift that of the lasting one; memory in [0, 1] is what is left of it at the end.
-void FilterState::predict(const Vector6d &twist, const Vector6d &noise, const Vector6d &drift_std, double duration,
-                          double memory)
+// The one state with mean and covariance of a mixture, whose weights sum to 1. The map's errors have mean 0 in each.
+FilterState FilterState::mixture(const std::vector<const FilterState *> &states, const std::vector<double> &weights)
 {
-    const Vector6d moving = (twist + drift_std.cwiseProduct(drift)) * duration;
+    const std::size_t heaviest = std::max_element(weights.begin(), weights.end()) - weights.begin();
+    FilterState mean = *states[heaviest];
+    const std::size_t n = states.size();
+    std::vector<Eigen::Matrix<double, 12, 1>> apart(n);
+    Eigen::Matrix<double, 12, 1> shift = Eigen::Matrix<double, 12, 1>::Zero();
+    for (std::size_t i = 0; i < n; i++) {
+        const FilterState &each = *states[i];
+        apart[i] << each.position - mean.position, logarithm(each.rotation * mean.rotation.transpose()),
+            each.drift - mean.drift;
+        shift += weights[i] * apart[i];
+    }
+    mean.covariance.setZero();
+    mean.with_map.setZero();
+    for (std::size_t i = 0; i < n; i++) {
+        const Eigen::Matrix<double, 12, 1> off = apart[i] - shift;
+        mean.covariance += weights[i] * (states[i]->covariance + off * off.transpose());
+        mean.with_map += weights[i] * states[i]->with_map;
+    }
+    Matrix3d turn, unused;
+    exponential(shift.segment<3>(3), turn, unused);
+    mean.position += shift.head<3>();
+    mean.rotation = Eigen::Quaterniond(turn * mean.rotation).normalized().toRotationMatrix();
+    mean.drift += shift.tail<6>();
+    return mean;
+}
+
+// twist, noise: (v, omega) in the camera's frame; noise is the standard deviation of this step's own error, drift_twist
+// times the drift the lasting one. The drift is forgotten but for `memory` in [0, 1], and goes towards N(0, drift_std^2).
+void FilterState::predict(const Vector6d &twist, const Vector6d &noise, const Matrix6d &drift_twist, double drift_std,
+                          double duration, double memory)
+{
+    const Vector6d moving = (twist + drift_twist * drift) * duration;
     Matrix3d turn, mean_turn;
     exponential(moving.tail<3>(), turn, mean_turn);
     const Matrix3d in_world = rotation * mean_turn;
@@ -121,11 +151,11 @@ void FilterState::predict(const Vector6d &twist, const Vector6d &noise, const Ve
     by_twist.topRightCorner<3, 3>() = -0.5 * duration * skew(shift) * in_world;
     Matrix12 by_state = Matrix12::Identity();
     by_state.block<3, 3>(0, 3) = -skew(shift);
-    by_state.topRightCorner<6, 6>() = by_twist * drift_std.asDiagonal();
+    by_state.topRightCorner<6, 6>() = by_twist * drift_twist;
     by_state.bottomRightCorner<6, 6>() *= memory;
     covariance = (by_state * covariance * by_state.transpose()).eval();
     covariance.topLeftCorner<6, 6>() += by_twist * noise.cwiseAbs2().asDiagonal() * by_twist.transpose();
-    covariance.bottomRightCorner<6, 6>().diagonal().array() += 1.0 - memory * memory;
+    covariance.bottomRightCorner<6, 6>().diagonal().array() += (1.0 - memory * memory) * drift_std * drift_std;
     with_map = (by_state * with_map).eval();
     position += shift;
     // Renormalised, so that millions of steps do not drift off SO(3).
@@ -139,31 +169,83 @@ void FilterState::inflate(const Matrix6d &pose)
     covariance.topLeftCorner<6, 6>() += pose;
 }
 
-// Go on with units of the drift that are so many times smaller.
-void FilterState::scale_drift(double factor)
+// Know nothing of the drift any more, but that it is N(0, drift_std^2).
+void FilterState::forget_drift(double drift_std)
 {
-    drift *= factor;
-    covariance.rightCols<6>() *= factor;
-    covariance.bottomRows<6>() *= factor;
-    with_map.bottomRows<6>() *= factor;
+    covariance.rightCols<6>().setZero();
+    covariance.bottomRows<6>().setZero();
+    covariance.bottomRightCorner<6, 6>().diagonal().setConstant(drift_std * drift_std);
+    with_map.bottomRows<6>().setZero();
+    drift.setZero();
 }
 
-// How far this state is from that of a filter that assumes less, in squared standard deviations of their difference: 12
-// on average if what this one assumes is right. The other one's units of the drift are drift_units times as large.
-// Source: the specification test of Hausman (1978): of two estimates one of which is efficient, the covariance of the
-// difference is the difference of the covariances.
-double FilterState::disagreement(const FilterState &wary, double drift_units) const
+// A part of this state, whose linear function `by_pose` of the pose's error is off from its mean by so many of its
+// standard deviations, and is known to `std` of them. A mixture of parts is the whole if that of the function is.
+FilterState FilterState::part(const Vector6d &by_pose, double offset, double std) const
 {
+    Eigen::Matrix<double, 12, 1> gain = covariance.leftCols<6>() * by_pose;
+    const double deviation = std::sqrt(by_pose.dot(gain.head<6>()));
+    gain /= deviation;
     FilterState own = *this;
-    own.scale_drift(1.0 / drift_units);
-    Eigen::Matrix<double, 12, 1> apart;
-    apart << wary.position - own.position, logarithm(wary.rotation * own.rotation.transpose()), wary.drift - own.drift;
-    const Eigen::Matrix<double, 12, 1> size = wary.covariance.diagonal().cwiseSqrt();
-    Matrix12 spread = size.cwiseInverse().asDiagonal() * (wary.covariance - own.covariance) * size.cwiseInverse().asDiagonal();
-    // Where both know as much, rounding and linearisation decide.
-    const Eigen::SelfAdjointEigenSolver<Matrix12> parts(0.5 * (spread + spread.transpose()));
-    const Eigen::Matrix<double, 12, 1> along = parts.eigenvectors().transpose() * apart.cwiseQuotient(size);
-    return along.cwiseAbs2().cwiseQuotient(parts.eigenvalues().cwiseMax(0.02)).sum();
+    own.covariance -= (1.0 - std * std) * gain * gain.transpose();
+    own.with_map -= (1.0 - std * std) / deviation * gain * (by_pose.transpose() * with_map.topRows<6>());
+    own.position += offset * gain.head<3>();
+    Matrix3d turn, unused;
+    exponential(offset * gain.segment<3>(3), turn, unused);
+    own.rotation = turn * rotation;
+    own.drift += offset * gain.tail<6>();
+    return own;
+}
+
+// What an image that led to this state leaves to be split. `before` is the state before it.
+Curvature FilterState::curvature(const FilterState &before, const FilterMap &map, const std::vector<Index> &rows,
+                                 const Rows &image, const Rows &covariances, const std::vector<bool> &used) const
+{
+    const Eigen::LLT<Matrix6d> root(before.covariance.topLeftCorner<6, 6>());
+    const Matrix6d L = root.matrixL();
+    Matrix6d told = root.matrixL().solve(Matrix6d(covariance.topLeftCorner<6, 6>()));
+    told = root.matrixL().solve(Matrix6d(told.transpose())).eval();
+    const Eigen::SelfAdjointEigenSolver<Matrix6d> axes(0.5 * (told + told.transpose()));
+    Curvature found{0.0, root.matrixU().solve(Vector6d(axes.eigenvectors().col(5)))};
+    const Vector6d along = 2.0 * std::sqrt(std::max(axes.eigenvalues()[5], 0.0)) * L * axes.eigenvectors().col(5);
+    std::vector<Eigen::Matrix2d> weight(rows.size());
+    const auto misfit = [&](const Vector6d &change, bool here) {
+        Matrix3d turn, unused;
+        exponential(change.tail<3>(), turn, unused);
+        const Matrix3d R = turn * rotation;
+        const Vector3d p = position + change.head<3>();
+        Vector6d from_before;
+        from_before << p - before.position, logarithm(R * before.rotation.transpose());
+        double squared = root.matrixL().solve(from_before).squaredNorm();
+        for (std::size_t i = 0; i < rows.size(); i++) {
+            if (!used[i])
+                continue;
+            const SeenLine line = seen_line(map, rows[i], R, p, image.row(i));
+            if (here) {
+                Eigen::Matrix2d noise = line.by_map * line.by_map.transpose();
+                noise += (Eigen::Matrix2d() << covariances(i, 0), covariances(i, 1), covariances(i, 1), covariances(i, 2)).finished();
+                weight[i] = noise.inverse();
+            }
+            squared += line.residual.dot(weight[i] * line.residual);
+        }
+        return squared;
+    };
+    const double least = misfit(Vector6d::Zero(), true);
+    for (const double side : {-1.0, 1.0})
+        found.nonlinearity = std::max(found.nonlinearity, std::abs(misfit(side * along, false) - least - 4.0) / 4.0);
+    return found;
+}
+
+// An upper bound of what is lost, as a divergence, when two parts of a mixture become one. Source: Runnalls (2007).
+double FilterState::merging_cost(const FilterState &other, double own_weight, double other_weight) const
+{
+    const double sum = own_weight + other_weight;
+    const FilterState both = mixture({this, &other}, {own_weight / sum, other_weight / sum});
+    const auto log_determinant = [](const FilterState &state) {
+        const Matrix6d factor = Matrix6d(state.covariance.topLeftCorner<6, 6>()).llt().matrixL();
+        return 2.0 * factor.diagonal().array().log().sum();
+    };
+    return 0.5 * (sum * log_determinant(both) - own_weight * log_determinant(*this) - other_weight * log_determinant(other));
 }
 
 // Source: iterated extended Kalman filter as Gauss-Newton with the prior (Bell, Cathey 1993), on SO(3) x R^3; the map's
@@ -174,7 +256,7 @@ Innovation FilterState::update(const FilterMap &map, const std::vector<Index> &r
     const Index k = static_cast<Index>(rows.size());
     const bool considered = with_map.cols() > 0;
     Innovation found;
-    found.of_line = found.removal = found.reversed = Eigen::VectorXd::Zero(k);
+    found.of_line = found.removal = found.reversed = found.log_determinants = Eigen::VectorXd::Zero(k);
     std::vector<Index> chosen;
     for (Index i = 0; i < k; i++)
         if (used[i])
@@ -208,6 +290,7 @@ Innovation FilterState::update(const FilterMap &map, const std::vector<Index> &r
         spread(1, 1) += covariances(i, 2);
         found.of_line[i] = line.residual.dot(spread.ldlt().solve(line.residual));
         found.reversed[i] = line.reversed;
+        found.log_determinants[i] = std::log(spread.determinant());
     }
     for (bool final = m == 0; !final;) {
         const Vector3d back = logarithm(rotation * R.transpose());
@@ -306,17 +389,25 @@ void bind_pose_filter(py::module_ &module)
         .def_readonly("of_line", &Innovation::of_line)
         .def_readonly("removal", &Innovation::removal)
         .def_readonly("reversed", &Innovation::reversed)
+        .def_readonly("log_determinants", &Innovation::log_determinants)
         .def_readonly("log_determinant", &Innovation::log_determinant)
         .def_readonly("iterations", &Innovation::iterations);
+    py::class_<Curvature>(module, "Curvature", "Where an image told least, and how far from linear it is there.")
+        .def_readonly("nonlinearity", &Curvature::nonlinearity)
+        .def_readonly("by_pose", &Curvature::by_pose);
     py::class_<FilterState>(module, "FilterState", "A pose T_world_camera with the drift of the twist.")
-        .def(py::init<const Matrix3d &, const Vector3d &, const Matrix6d &, Index>(), py::arg("rotation"),
-             py::arg("position"), py::arg("covariance"), py::arg("map_lines"))
+        .def(py::init<const Matrix3d &, const Vector3d &, const Matrix6d &, const Matrix6d &, Index>(), py::arg("rotation"),
+             py::arg("position"), py::arg("covariance"), py::arg("drift_covariance"), py::arg("map_lines"))
+        .def_static("mixture", &FilterState::mixture, py::arg("states"), py::arg("weights"))
         .def("copy", [](const FilterState &state) { return FilterState(state); })
-        .def("predict", &FilterState::predict, py::arg("twist"), py::arg("noise"), py::arg("drift"),
-             py::arg("duration"), py::arg("memory"))
+        .def("predict", &FilterState::predict, py::arg("twist"), py::arg("noise"), py::arg("drift_twist"),
+             py::arg("drift_std"), py::arg("duration"), py::arg("memory"))
         .def("inflate", &FilterState::inflate, py::arg("pose"))
-        .def("scale_drift", &FilterState::scale_drift, py::arg("factor"))
-        .def("disagreement", &FilterState::disagreement, py::arg("wary"), py::arg("drift_units"))
+        .def("forget_drift", &FilterState::forget_drift, py::arg("drift_std"))
+        .def("part", &FilterState::part, py::arg("by_pose"), py::arg("offset"), py::arg("std"))
+        .def("curvature", &FilterState::curvature, py::arg("before"), py::arg("map_lines"), py::arg("rows"),
+             py::arg("image"), py::arg("covariances"), py::arg("used"))
+        .def("merging_cost", &FilterState::merging_cost, py::arg("other"), py::arg("own_weight"), py::arg("other_weight"))
         .def("update", &FilterState::update, py::arg("map_lines"), py::arg("rows"), py::arg("image"), py::arg("covariances"),
              py::arg("used"), py::arg("iterations"))
         .def_readonly("rotation", &FilterState::rotation)

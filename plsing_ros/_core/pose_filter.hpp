@@ -10,11 +10,7 @@
 
 namespace plsing {
 
-
-
 using Matrix12 = Eigen::Matrix<double, 12, 12>;
-
-
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // The lines of a map: each goes through its pivot, which is off by N(0, position_std^2) in both directions across the
@@ -36,22 +32,35 @@ struct Innovation {
     Eigen::VectorXd of_line;       // (k) of each line alone, against the state before, with its covariance
     Eigen::VectorXd removal;       // (k) by how much `squared` would fall without this line; 0 if it is not used
     Eigen::VectorXd reversed;      // (k) 1 if seen against its direction
+    Eigen::VectorXd log_determinants;  // (k) of the covariance of of_line
     double log_determinant = 0.0;  // of the covariance of the used lines' innovation
     int iterations = 0;
 };
 
+// Where an image told least about a pose, and how much the misfit there differs from that of a linear image.
+struct Curvature {
+    double nonlinearity;  // of the misfit two standard deviations away, as a share of what a linear image makes of it
+    Vector6d by_pose;     // the direction, as a linear function of the error of the pose before the image
+};
+
 // The pose T_world_camera, with the drift of the twist: what the camera's twist differs by, for a while, from the one
-// given, in units of `drift` of predict().
+// given, as predict() is told.
 // Errors: (position, rotation about the world's axes, drift), with true position = position + error and
 // true rotation = exp(error) rotation, as in geometry_msgs/PoseWithCovariance.
 class FilterState {
 public:
-    FilterState(const Matrix3d &rotation, const Vector3d &position, const Matrix6d &covariance, Index map_lines);
+    FilterState(const Matrix3d &rotation, const Vector3d &position, const Matrix6d &covariance,
+                const Matrix6d &drift_covariance, Index map_lines);
+    static FilterState mixture(const std::vector<const FilterState *> &states, const std::vector<double> &weights);
 
-    void predict(const Vector6d &twist, const Vector6d &noise, const Vector6d &drift, double duration, double memory);
+    void predict(const Vector6d &twist, const Vector6d &noise, const Matrix6d &drift_twist, double drift_std,
+                 double duration, double memory);
     void inflate(const Matrix6d &pose);
-    void scale_drift(double factor);
-    double disagreement(const FilterState &wary, double drift_units) const;
+    void forget_drift(double drift_std);
+    FilterState part(const Vector6d &by_pose, double offset, double std) const;
+    Curvature curvature(const FilterState &before, const FilterMap &map, const std::vector<Index> &rows,
+                        const Rows &image, const Rows &covariances, const std::vector<bool> &used) const;
+    double merging_cost(const FilterState &other, double own_weight, double other_weight) const;
     Innovation update(const FilterMap &map, const std::vector<Index> &rows, const Rows &image,
                       const Rows &covariances, const std::vector<bool> &used, int iterations);
 

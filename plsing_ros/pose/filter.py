@@ -21,7 +21,8 @@ from plsing_ros.parameters.pose_estimator import FilterParameters
 from plsing_ros.pose.estimate import FROM_FILTER, Alternative, PoseEstimate, Verdict, failed_estimate
 from plsing_ros.pose.estimator import PoseEstimator
 from plsing_ros.pose.filter_estimate import TrackSummary
-from plsing_ros.pose.filter_track import Agreement, FilterTrack, TrackUpdate
+from plsing_ros.pose.filter_motion import Agreement
+from plsing_ros.pose.filter_track import FilterTrack, TrackUpdate
 from plsing_ros.pose.twist_history import TwistHistory
 
 # Images in a row that a new start must explain before it is believed after the filter was lost.
@@ -188,12 +189,23 @@ class PoseFilter:
         agreeing = [each for each in updates if each[1].agreement is not Agreement.CONTRADICTS]
         if not agreeing:
             return self._lose("the image contradicts where the camera is expected", time)
+        if agreeing[0][1].agreement is Agreement.MOVED and self._is_open(observation, agreeing[0][0]):
+            return self._lose("the camera did not move as the twist says, and the image alone does not say how", time)
         self._agreed = time
         least = min(track.cost for track, _ in agreeing)
         likely = -2.0 * math.log(self.settings.min_likelihood_ratio)
         agreeing = sorted((e for e in agreeing if e[0].cost - least <= likely), key=lambda each: each[0].cost)
         self._tracks = [track for track, _ in agreeing]
         return self._described(*agreeing[0], observation, "")
+
+    def _is_open(self, observation: LineObservation, track: FilterTrack) -> bool:
+        """Whether an image alone has another pose than that of a track."""
+        estimate = self._estimator.estimate(observation)
+        if estimate.T_world_camera is None:
+            return True
+        poses = [estimate.T_world_camera, *(each.T_world_camera for each in estimate.alternatives)]
+        summary = TrackSummary(track, self._estimator)
+        return any(summary.differs(pose, self.settings) for pose in poses)
 
     def _covariances(self, observation: LineObservation) -> Array:
         if observation.usable_covariances is not None:

@@ -14,7 +14,8 @@ from plsing_ros.geometry.rotations import rotation_vector
 from plsing_ros.parameters.pose_estimator import FilterParameters
 from plsing_ros.pose.estimate import FROM_FILTER, Alternative, PoseEstimate, Verdict
 from plsing_ros.pose.estimator import PoseEstimator
-from plsing_ros.pose.filter_track import Agreement, FilterTrack, TrackUpdate
+from plsing_ros.pose.filter_motion import Agreement
+from plsing_ros.pose.filter_track import FilterTrack, TrackUpdate
 
 
 class TrackSummary:

@@ -74,7 +74,7 @@ class TwistHistory:
                 yield from self._gap(last, now, each.start)
                 now = each.start
             until = min(each.end, end)
-            if until > now:
+            if until > now + _SAME_TIME:
                 yield until - now, each.twist
                 now = until
             last = each

@@ -1,0 +1,340 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A camera pose followed for robots of several kinds at once: those that move as told, those that drift, and others."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.stats import chi2
+
+from plsing_ros import _core
+from plsing_ros.arrays import Array
+from plsing_ros.geometry import Pose
+from plsing_ros.parameters.pose_estimator import FilterParameters
+
+_ITERATIONS = 10
+# A right image is refused with this probability, before a line is left out.
+_FALSE_ALARM = 1e-7
+# The lasting part of a twist's error, the drift, is forgotten in this time [s].
+_DRIFT_TIME = 20.0
+# No kind of robot is ever ruled out further than this.
+_MIN_WEIGHT = 1e-12
+_AT_REST = np.zeros(6)
+# A state that is less likely than this does not move the mean of all.
+_NEGLIGIBLE = 1e-7
+# Of robots that are more wrong than expected: what a wrong turn shifts, and a wrong shift turns.
+_ARM, _BEND = 0.5, 0.02  # [m], [rad/m]
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """What a robot may make of the twists it is given.
+
+    Attributes:
+        noise: Error of each step, against noise.twist.
+        drift: Lasting error, likewise.
+        share: How probable it is at the start.
+        rate: How often a robot of another kind becomes one of this [1/s].
+    """
+
+    noise: float
+    drift: float
+    share: float
+    rate: float
+
+
+_MOTIONS = (
+    _Motion(noise=1.0, drift=0.02, share=0.5, rate=0.02),
+    _Motion(noise=1.0, drift=2.0, share=0.1, rate=0.0001),
+    _Motion(noise=2.0, drift=6.0, share=0.1, rate=0.0001),
+    _Motion(noise=4.0, drift=0.02, share=0.1, rate=0.001),
+    _Motion(noise=10.0, drift=0.02, share=0.2, rate=0.001),
+)
+
+
+class Agreement(enum.Enum):
+    """How an image agrees with a pose."""
+
+    AGREES = 0
+    MOVED = 1  # only if the camera moved in another way than the twist says
+    MOSTLY = 2  # with most lines
+    CONTRADICTS = 3
+
+
+@dataclass(frozen=True)
+class SeenLines:
+    """What one image shows of a map.
+
+    Attributes:
+        lines: The map.
+        rows: Of the k seen lines in it, k >= 1.
+        image: Their l', shape (k, 3).
+        covariances: Of angle and offset, shape (k, 3).
+    """
+
+    lines: _core.FilterMap
+    rows: list[int]
+    image: Array
+    covariances: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MotionFit:
+    """A state after an image.
+
+    Attributes:
+        before: The state before it.
+        state: The state.
+        innovation: What the image said.
+        used: Which lines were used.
+        cost: -2 log likelihood of the image.
+    """
+
+    before: _core.FilterState
+    state: _core.FilterState
+    innovation: _core.Innovation
+    used: list[bool]
+    cost: float
+
+    def curvature(self, seen: SeenLines) -> _core.Curvature:
+        """Return where the image told least, and how far from linear it is there."""
+        return self.state.curvature(self.before, seen.lines, seen.rows, seen.image, seen.covariances, self.used)
+
+
+class MotionBank:
+    """A Kalman filter with gates for each kind of robot, weighed by how well each explains the images.
+
+    Args:
+        states: One for each kind.
+        weights: Of each, with sum 1.
+        settings: Noise and gates.
+        interval: Between the last two images [s].
+
+    Source: interacting multiple models (Blom, Bar-Shalom 1988); docs/filter.md.
+    """
+
+    def __init__(
+        self, states: list[_core.FilterState], weights: list[float], settings: FilterParameters, interval: float = 0.0
+    ) -> None:
+        self._states = states
+        self._weights = weights
+        self._settings = settings
+        self._interval = interval
+        self._speed = self._turn_speed = self._since_update = 0.0
+        # Mean and covariance of all.
+        self.state = _mixture(states, weights)
+
+    @staticmethod
+    def start(T_world_camera: Pose, covariance: Array, map_lines: int, settings: FilterParameters) -> MotionBank:
+        """Return one that knows nothing of the robot yet."""
+        unit = settings.noise_twist**2 * np.eye(6)
+        states = [
+            _core.FilterState(
+                T_world_camera.rotation, T_world_camera.translation, covariance, motion.drift**2 * unit, map_lines
+            )
+            for motion in _MOTIONS
+        ]
+        return MotionBank(states, [motion.share for motion in _MOTIONS], settings)
+
+    def predict(self, twist: Array | None, duration: float) -> None:
+        """Move on for a duration [s], by a twist (v, omega) in the camera's frame, or by any motion if it is None."""
+        if self._since_update == 0.0:
+            self._mix()
+        settings, memory = self._settings, math.exp(-duration / _DRIFT_TIME)
+        self._since_update += duration
+        if twist is None:
+            # The robot may do anything within its bounds, for as long as nobody says what.
+            twist, speed, turn = _AT_REST, 0.0, 0.0
+            rest, rest_turn = settings.max_linear_speed, settings.max_angular_speed
+        else:
+            vx, vy, vz, wx, wy, wz = twist.tolist()
+            speed, turn = math.sqrt(vx * vx + vy * vy + vz * vz), math.sqrt(wx * wx + wy * wy + wz * wz)
+            self._speed, self._turn_speed = max(self._speed, speed), max(self._turn_speed, turn)
+            rest, rest_turn = settings.noise_linear_velocity, settings.noise_angular_velocity
+        share, by_drift = settings.noise_twist, _drift_twist(twist)
+        for motion, state in zip(_MOTIONS, self._states, strict=True):
+            shift, angle = motion.noise * share * speed, motion.noise * share * turn
+            beyond, beyond_turn = shift - share * speed, angle - share * turn
+            noise = _spread(shift + rest + _ARM * beyond_turn, angle + rest_turn + _BEND * beyond)
+            state.predict(twist, noise, by_drift, motion.drift * share, duration, memory)
+        self.state = _mixture(self._states, self._weights)
+
+    def _mix(self) -> None:
+        """Let the robot become one of another kind, in the time between two images."""
+        n, seconds = len(_MOTIONS), self._interval
+        move = [
+            [-math.expm1(-motion.rate * seconds) if i != j else 0.0 for j, motion in enumerate(_MOTIONS)]
+            for i in range(n)
+        ]
+        for i in range(n):
+            move[i][i] = 1.0 - sum(move[i])
+        joint = [[self._weights[i] * move[i][j] for i in range(n)] for j in range(n)]
+        self._weights = [sum(row) for row in joint]
+        self._states = [
+            self._joined(j, row, total) for j, (row, total) in enumerate(zip(joint, self._weights, strict=True))
+        ]
+
+    def _joined(self, kind: int, shares: list[float], total: float) -> _core.FilterState:
+        """Return the state of a kind of robot that others have become with such shares of a total."""
+        states, weights = [], []
+        for i, share in enumerate(shares):
+            if share < _NEGLIGIBLE * total:
+                continue
+            state = self._states[i]
+            if i != kind:
+                # What was found of the drift of another kind of robot does not hold for this one.
+                state = state.copy()
+                state.forget_drift(_MOTIONS[kind].drift * self._settings.noise_twist)
+            states.append(state)
+            weights.append(share)
+        return _mixture(states, weights)
+
+    def updated(self, seen: SeenLines, agreement: Agreement) -> BankUpdate | None:
+        """Return this after an image, as far as it agrees so well; None if it does not."""
+        k = len(seen.rows)
+        few, many = max(0, (k - 1) // 3), k - max(2, (k + 1) // 2)
+        fits: list[MotionFit | None] = [None] * len(_MOTIONS)
+        if agreement is Agreement.AGREES:
+            fits = [self._fit(state, seen, few) for state in self._states]
+        elif agreement is Agreement.MOVED:
+            fits[-1] = self._fit(self._moved_otherwise(), seen, 0)
+        elif many > few:
+            fits[0] = self._fit(self._states[0], seen, many)
+        return self._weighed(fits) if any(fits) else None
+
+    def _fit(self, state: _core.FilterState, seen: SeenLines, removable: int) -> MotionFit | None:
+        """Return a state after an image, without up to so many lines that do not agree with it; None if more do not."""
+        used = [True] * len(seen.rows)
+        gate = self._settings.outlier_gate**2
+        for removed in range(removable + 1):
+            after = state.copy()
+            innovation = after.update(seen.lines, seen.rows, seen.image, seen.covariances, used, _ITERATIONS)
+            if innovation.good:
+                worst = max(_values_of(innovation.of_line, used))
+                if worst <= gate and innovation.squared <= _quantile(2 * sum(used)):
+                    return MotionFit(state, after, innovation, used, self._cost(innovation, used))
+                suspect = innovation.removal
+            else:
+                suspect = innovation.of_line
+            if removed < removable:
+                used = list(used)
+                used[int(np.argmax(np.where(used, suspect, -math.inf)))] = False
+        return None
+
+    def _cost(self, innovation: _core.Innovation, used: list[bool]) -> float:
+        settings = self._settings
+        reversals = float(innovation.reversed @ used)
+        cost = innovation.squared + innovation.log_determinant + settings.reversal_cost * reversals
+        for use, log_determinant in zip(used, innovation.log_determinants.tolist(), strict=True):
+            if not use:
+                # As if it were just at the gate, so that no kind of robot is preferred for keeping it.
+                cost += settings.outlier_gate**2 + log_determinant
+        return cost
+
+    def _weighed(self, fits: list[MotionFit | None]) -> BankUpdate:
+        """Weigh the kinds of robots by how well they explain an image."""
+        costs = [
+            math.inf if fit is None else fit.cost - 2.0 * math.log(max(weight, _MIN_WEIGHT))
+            for fit, weight in zip(fits, self._weights, strict=True)
+        ]
+        least = min(costs)
+        shares = [math.exp(-0.5 * (cost - least)) for cost in costs]
+        total = sum(shares)
+        best = fits[costs.index(least)]
+        assert best is not None
+        states = [best.state if fit is None else fit.state for fit in fits]
+        bank = MotionBank(states, [share / total for share in shares], self._settings, self._since_update)
+        return BankUpdate(bank, best, least - 2.0 * math.log(total))
+
+    def part(self, by_pose: Array, offset: float, std: float) -> MotionBank:
+        """Return a part of this, see FilterState.part."""
+        return self._with([state.part(by_pose, offset, std) for state in self._states], self._weights)
+
+    def merged(self, other: MotionBank, own_weight: float, other_weight: float) -> MotionBank:
+        """Return one that stands for two."""
+        share = own_weight / (own_weight + other_weight)
+        states, weights = [], []
+        for own, state, own_share, other_share in zip(
+            self._states, other._states, self._weights, other._weights, strict=True
+        ):
+            parts = (max(share * own_share, _MIN_WEIGHT), max((1.0 - share) * other_share, _MIN_WEIGHT))
+            weights.append(sum(parts))
+            states.append(_core.FilterState.mixture([own, state], [each / weights[-1] for each in parts]))
+        return self._with(states, [each / sum(weights) for each in weights])
+
+    def _with(self, states: list[_core.FilterState], weights: list[float]) -> MotionBank:
+        bank = MotionBank(states, weights, self._settings, self._interval)
+        bank._speed, bank._turn_speed, bank._since_update = self._speed, self._turn_speed, self._since_update
+        return bank
+
+    def _moved_otherwise(self) -> _core.FilterState:
+        """Return the state of a camera that moved about as fast as it was told, but otherwise."""
+        seconds = self._since_update
+        state = self._states[-1].copy()
+        shift, turn = 2.0 * self._speed * seconds, 2.0 * self._turn_speed * seconds
+        state.inflate(8.0 * state.covariance + np.diag(_spread(shift, turn) ** 2))
+        return state
+
+
+@dataclass(frozen=True, eq=False)
+class BankUpdate:
+    """What an image makes of a bank.
+
+    Attributes:
+        bank: The bank after it.
+        fit: Of the most plausible kind of robot.
+        cost: -2 log likelihood of the image.
+    """
+
+    bank: MotionBank
+    fit: MotionFit
+    cost: float
+
+
+def _mixture(states: list[_core.FilterState], weights: list[float]) -> _core.FilterState:
+    """Return the state that stands for all that count."""
+    total = sum(weights)
+    chosen = [
+        (state, weight / total) for state, weight in zip(states, weights, strict=True) if weight > _NEGLIGIBLE * total
+    ]
+    if len(chosen) == 1:
+        return chosen[0][0].copy()
+    return _core.FilterState.mixture(*map(list, zip(*chosen, strict=True)))
+
+
+def _drift_twist(twist: Array) -> Array:
+    """Return what the drift makes of a twist, shape (6, 6).
+
+    The drift is a scale of the linear velocity, one of the angular velocity, and a rotation of the camera on the robot
+    (three numbers), as angles and shares; the last of its numbers does nothing.
+    """
+    vx, vy, vz, wx, wy, wz = twist.tolist()
+    return np.array(
+        (
+            (vx, 0.0, 0.0, vz, -vy, 0.0),
+            (vy, 0.0, -vz, 0.0, vx, 0.0),
+            (vz, 0.0, vy, -vx, 0.0, 0.0),
+            (0.0, wx, 0.0, wz, -wy, 0.0),
+            (0.0, wy, -wz, 0.0, wx, 0.0),
+            (0.0, wz, wy, -wx, 0.0, 0.0),
+        )
+    )
+
+
+def _spread(linear: float, angular: float) -> Array:
+    return np.array((linear, linear, linear, angular, angular, angular))
+
+
+def _values_of(values: Array, used: list[bool]) -> list[float]:
+    """Return those values that are used, and 0."""
+    return [0.0, *(value for value, use in zip(values.tolist(), used, strict=True) if use)]
+
+
+@lru_cache(maxsize=256)
+def _quantile(freedom: int) -> float:
+    """Return what a sum of squares exceeds by chance with the probability of a false alarm."""
+    return float(chi2.isf(_FALSE_ALARM, max(1, freedom)))
