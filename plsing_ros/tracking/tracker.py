@@ -171,7 +171,7 @@ class LineTracker:
             other = self._fit(grey, predicted, reach, None)
             if other is not None and (fit is None or other.excess > fit.excess + _MIN_GAIN):
                 fit, by_points = other, None
-        if self._losses and by_points is None and (fit is None or fit.excess < _GOOD_EXCESS):
+        if self._losses and by_points is None and (fit is None or fit.excess < _FOUND_EXCESS):
             fit = self._search(grey, predicted, fit)
         return self._concluded(grey, fit, by_points)
 
@@ -251,14 +251,14 @@ class LineTracker:
             self._doubt = min(self._doubt + _DOUBT_PER_LOSS, math.pi + 0.1)
             share = 0.0 if fit is None else fit.support
             return self._lost(f"the image explains {share:.0%} of the visible edges")
-        self._losses = 0
+        searched, self._losses = self._losses > 0 and points is None, 0
         pose = fit.T_camera_model
         # A fit counts a scale above 1 itself.
         needed_share = (min(fit.scale, 1.0) / _SHOWN) ** 2
         self._consistency += _LEARNING * (min(needed_share, 1.0) - self._consistency)
         share = max(self._consistency, needed_share, _MIN_SHARE)
         covariance = share * _inverse(fit.information + 1e-9 * np.eye(6))
-        state, reason = self._verdict(fit, covariance)
+        state, reason = self._verdict(fit, covariance, _FOUND_EXCESS if searched else _GOOD_EXCESS)
         self._last = pose
         good = fit.weights > 0.5
         if fit.excess >= _GOOD_EXCESS:
@@ -283,12 +283,12 @@ class LineTracker:
             0 if points is None else len(points.points),
         )
 
-    def _verdict(self, fit: _Fit, covariance: Array) -> tuple[TrackingState, str]:
+    def _verdict(self, fit: _Fit, covariance: Array, good: float) -> tuple[TrackingState, str]:
         other = self._alternative(fit)
         if other is not None:
             degrees = math.degrees(angle_between(other, fit.T_camera_model))
             return TrackingState.AMBIGUOUS, f"a pose turned by {degrees:.0f} degrees explains the edges as well"
-        if fit.excess < _GOOD_EXCESS:
+        if fit.excess < good:
             return TrackingState.WEAK, f"the image explains only {fit.support:.0%} of the visible edges"
         usual = self._usual
         self._usual = fit.excess if usual is None else usual + _LEARNING * (fit.excess - usual)
