@@ -29,8 +29,8 @@ from plsing_ros.parameters.parameter_file import read_parameters
 def main() -> None:
     """Measure and print."""
     for name, call in (
-        ("survey, 40,000 scenes", _survey),
-        ("evaluate, 40 runs", _evaluate),
+        ("survey, 150,000 scenes", _survey),
+        ("evaluate, 16 runs", _evaluate),
         ("select_lines", _select),
     ):
         seconds, spent, answers = [], [], []
@@ -54,7 +54,7 @@ def _processor_time() -> float:
 
 
 def _survey(processes: int) -> object:
-    return list(run_tasks(_chunk, list(range(4)), processes=processes))
+    return list(run_tasks(_chunk, list(range(15)), processes=processes))
 
 
 def _chunk(number: int) -> object:
@@ -72,11 +72,11 @@ def _evaluate(processes: int) -> object:
     parameters = [make(read_parameters(file, node)) for node, make in kinds]
     setup = Setup.of_parameters(*parameters, simulator.start_pose(), simulator.time_step)
     with Workers(processes=processes) as workers:
-        found = evaluate(setup, 40, 20, laws=(), workers=workers)
+        found = evaluate(setup, 8, 8, laws=(), workers=workers)
     return found.as_json()
 
 
 def _select(processes: int) -> object:
-    lines, ends, path = room(0, 55)
+    lines, ends, path = room(0, 50)
     chosen = select_lines(lines, 4, path, ends=ends, clearance=0.1, processes=processes)
     return chosen.ids, chosen.deviation, chosen.dropped

@@ -18,8 +18,8 @@ _T = TypeVar("_T")
 _R = TypeVar("_R")
 # How long a scheduler may take to answer [s].
 _CONNECT = 10.0
-# Processes are started for work that takes longer than this [s].
-_WORTH = 1.0
+# Processes are started if what is left takes this process longer [s]: each of them begins with the imports.
+_WORTH = 4.0
 # How often processes may die before it is given up.
 _ATTEMPTS = 3
 # One thread for each process: more of them only wait for each other.
@@ -78,10 +78,12 @@ class Workers:
             yield from self._on_processes(function, tasks)
 
     def _on_processes(self, function: Callable[[_T], _R], tasks: Sequence[_T]) -> Iterator[_R]:
-        done, begin = 0, time.monotonic()
-        while self._pool is None and time.monotonic() - begin < _WORTH and done < len(tasks):
+        done, begin = 0, time.process_time()
+        while self._pool is None and _WORTH > 0.0 and done < len(tasks):
+            yield function(tasks[done])
             done += 1
-            yield function(tasks[done - 1])
+            if (time.process_time() - begin) / done * (len(tasks) - done) > _WORTH:
+                break
         for _ in range(_ATTEMPTS if done < len(tasks) else 0):
             try:
                 for result in self._submitted(function, tasks[done:]):

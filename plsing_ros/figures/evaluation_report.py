@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from plsing_ros.analysis.accuracy import Camera, line_information, position_deviations
 from plsing_ros.analysis.evaluation.evaluation import HARM_TEXT, Evaluation, Safety
 from plsing_ros.analysis.evaluation.setup import HARD, YOURS
 from plsing_ros.analysis.rates import Rate
@@ -106,6 +107,11 @@ def _alerts_table(found: Evaluation) -> str:
     for kind, name in ((YOURS, "your starts"), (HARD, "hard starts")):
         runs = found.of_law(found.law, kind)
         rows.append((f"harm from {name}", str(Rate(sum(run.harm > 0 for run in runs), len(runs)))))
+    for harmful, name in ((True, "harmful"), (False, "other")):
+        said = [run.risk for run in found.watched if run.risk is not None and (run.harm > 0) == harmful]
+        if said:
+            text = f"{np.mean(said):.0%} on average of {len(said)} runs"
+            rows.append((f"probability of harm that the roll-outs said at the start of {name} runs", text))
     alerts = Counter(_kind_of(run.alert) for run in found.watched if run.alert)
     rows += [(f"first alert: {text}", str(count)) for text, count in alerts.most_common(4)]
     return table_element(("", ""), rows)
@@ -138,8 +144,18 @@ def _pose_table(found: Evaluation) -> str:
         ("error of the position: median, 95 %, most", ", ".join(f"{1e3 * each:.3g} mm" for each in quantiles)),
         ("squared error over covariance, mean", f"{found.nees:.2f} (6 is right)"),
         ("runs with a wrong pose that was not said to be", str(found.wrong_poses)),
+        ("what a single image at start and target tells of the position, standard deviation", _single_images(found)),
     ]
     return table_element(("", ""), rows)
+
+
+def _single_images(found: Evaluation) -> str:
+    setup = found.setup
+    information = line_information(
+        setup.map, [setup.start, setup.target], Camera(max(setup.noise, 1e-9), 0.5 * math.pi)
+    )
+    deviations = position_deviations(information.matrices.sum(axis=1), information.visible.sum(axis=1))
+    return " and ".join(f"{1e3 * each:.3g} mm" if math.isfinite(each) else "nothing" for each in deviations)
 
 
 def _figure(columns: int) -> tuple[Any, Any]:
