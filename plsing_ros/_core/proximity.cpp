@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How near a camera centre is to a singular one: in standard deviations of the lines, in metres, and in what is left of
 // the precision of a pose. singularities/proximity.py says what the results mean, docs/near_singular.md derives them.
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -17,11 +18,33 @@ namespace {
 // smallest singular value, so that the step is short for the scene, and this many times its standard deviation.
 constexpr double steep = 3.0, sure = 5.0;
 
+// The inverse of the Cholesky factor of the covariance of a line's two rows of the image, (about u, along u), from that of
+// angle and offset of the image line with the normal n; zero where the line has no image.
+Eigen::Matrix2d whitening(const Vector3d &u, const Vector3d &f, const Eigen::Vector3d &covariance)
+{
+    // l' = (cos phi, sin phi, rho) is along the moment about the centre, which is -f.
+    const Vector3d normal = -f.normalized(), about = u.cross(f).normalized();
+    const double depth = std::hypot(normal.x(), normal.y());
+    const Vector3d by_angle(-normal.y(), normal.x(), 0.0);
+    const Vector3d by_offset = depth * (Vector3d::UnitZ() - normal.z() * normal);
+    Eigen::Matrix2d slope;
+    slope << about.dot(by_angle), about.dot(by_offset), -u.dot(by_angle), -u.dot(by_offset);
+    Eigen::Matrix2d given;
+    given << covariance(0), covariance(1), covariance(1), covariance(2);
+    const Eigen::LLT<Eigen::Matrix2d> factor(slope * given * slope.transpose());
+    if (factor.info() != Eigen::Success)
+        return Eigen::Matrix2d::Zero();
+    return factor.matrixL().solve(Eigen::Matrix2d::Identity());
+}
+
 py::object proximity(const Vectors &direction, const Vectors &pivot, const Values &position_std,
-                     const Values &direction_std, const View<3> &center, double length, double image_std)
+                     const Values &direction_std, const View<3> &center, double length, double image_std,
+                     const View<3, 3> &rotation, const Vectors &covariance)
 {
     const Index n = direction.rows(), rows = std::max<Index>(2 * n, 6);
     require(pivot.rows() == n && position_std.size() == n && direction_std.size() == n, "there must be n lines in each");
+    const bool weighted = covariance.rows() > 0;
+    require(!weighted || covariance.rows() == n, "there must be a covariance of each line");
     Tall basis = Tall::Zero(rows, 6), image = Tall::Zero(rows, 6);
     Eigen::VectorXd size = Eigen::VectorXd::Ones(rows);
     Eigen::Matrix3Xd normal(3, n), arm(3, n);
@@ -40,42 +63,49 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
         basis.row(2 * i + 1).tail<3>() = m / distance;
         image.row(2 * i) << f.transpose() / square, u.transpose();
         image.row(2 * i + 1).tail<3>() = m / distance;
+        if (weighted) {
+            const Eigen::Matrix2d white = whitening(rotation.transpose() * u, rotation.transpose() * f, covariance.row(i));
+            image.middleRows<2>(2 * i) = (white * image.middleRows<2>(2 * i)).eval();
+        }
     }
     const Svd decomposed(basis), seen(image);
     if (!decomposed.is_finite() || !seen.is_finite())
         return py::none();
     const Tall left = decomposed.left();
-    const Vector6d motion = decomposed.right().col(5);
     const double smallest = decomposed.values()(5), largest = decomposed.values()(0);
-    double variance = 0.0;
+    Eigen::Array<double, 6, 1> variance = Eigen::Array<double, 6, 1>::Zero();
     Eigen::MatrixX3d slope = Eigen::MatrixX3d::Zero(rows, 3);
-    for (Index i = 0; i < n; i++) {
-        const Vector3d u = direction.row(i), f = normal.col(i), r = arm.col(i);
-        const double square = f.squaredNorm();
-        if (square == 0.0)
-            continue;
-        // How the last singular value changes with the pivot (times u x) and with the direction of this line.
-        Vector3d moved = Vector3d::Zero(), turned = Vector3d::Zero();
-        for (Index row = 2 * i; row < 2 * i + 2; row++) {
-            const Vector6d unit = basis.row(row);
-            const Vector6d weight = (motion - unit.dot(motion) * unit) / size(row);
-            const Vector3d spin = weight.tail<3>();
-            const bool first = row == 2 * i;
-            const Vector3d by_normal = first ? Vector3d(weight.head<3>() + 2.0 * spin.dot(u) * f) : spin.cross(u);
-            const Vector3d by_direction = first ? Vector3d(square * spin) : f.cross(spin);
-            slope.row(row) = u.cross(by_normal);
-            moved += left(row, 5) * by_normal;
-            turned += left(row, 5) * (by_direction + r.cross(by_normal));
+    for (int k = 0; k < 6; k++) {
+        const Vector6d motion = decomposed.right().col(k);
+        for (Index i = 0; i < n; i++) {
+            const Vector3d u = direction.row(i), f = normal.col(i), r = arm.col(i);
+            const double square = f.squaredNorm();
+            if (square == 0.0)
+                continue;
+            // How this singular value changes with the pivot (times u x) and with the direction of this line.
+            Vector3d moved = Vector3d::Zero(), turned = Vector3d::Zero();
+            for (Index row = 2 * i; row < 2 * i + 2; row++) {
+                const Vector6d unit = basis.row(row);
+                const Vector6d weight = (motion - unit.dot(motion) * unit) / size(row);
+                const Vector3d spin = weight.tail<3>();
+                const bool first = row == 2 * i;
+                const Vector3d by_normal = first ? Vector3d(weight.head<3>() + 2.0 * spin.dot(u) * f) : spin.cross(u);
+                const Vector3d by_direction = first ? Vector3d(square * spin) : f.cross(spin);
+                if (k == 5)
+                    slope.row(row) = u.cross(by_normal);
+                moved += left(row, k) * by_normal;
+                turned += left(row, k) * (by_direction + r.cross(by_normal));
+            }
+            const double shift = position_std(i) / length;
+            variance(k) += shift * shift * moved.cross(u).squaredNorm();
+            variance(k) += direction_std(i) * direction_std(i) * (turned - turned.dot(u) * u).squaredNorm();
         }
-        const double shift = position_std(i) / length;
-        variance += shift * shift * moved.cross(u).squaredNorm();
-        variance += direction_std(i) * direction_std(i) * (turned - turned.dot(u) * u).squaredNorm();
     }
     // A change of the rows that the five better observed motions can follow is none of the rank.
     slope -= left.leftCols<5>() * (left.leftCols<5>().transpose() * slope).eval();
     const Vector3d pull = slope.transpose() * left.col(5);
     const Eigen::SelfAdjointEigenSolver<Matrix3d> across(slope.transpose() * slope);
-    const double least = std::max(steep * steep * smallest * smallest, sure * sure * variance);
+    const double least = std::max(steep * steep * smallest * smallest, sure * sure * variance(5));
     Vector3d step = Vector3d::Zero();
     for (int axis = 0; axis < 3; axis++) {
         const double value = across.eigenvalues()(axis);
@@ -84,9 +114,13 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
     }
     const double infinite = std::numeric_limits<double>::infinity();
     const bool singular = smallest <= rounding * largest;
-    const double z = singular ? 0.0 : variance > 0.0 ? smallest / std::sqrt(variance) : infinite;
+    // Not the smallest one alone: far away several are small, and another may be the nearest to zero in tolerances.
+    double z = singular ? 0.0 : infinite;
+    for (int k = 0; k < 6; k++)
+        if (variance(k) > 0.0)
+            z = std::min(z, decomposed.values()(k) / std::sqrt(variance(k)));
     const Vector6d weakest = seen.right().col(5);
-    const double deviation = seen.has_full_rank() ? image_std / seen.values()(5) : infinite;
+    const double deviation = seen.has_full_rank() ? (weighted ? 1.0 : image_std) / seen.values()(5) : infinite;
     const double moved = length * weakest.head<3>().norm(), turned = weakest.tail<3>().norm();
     Vector6d motion_in_metres;
     motion_in_metres << length * weakest.head<3>(), weakest.tail<3>();

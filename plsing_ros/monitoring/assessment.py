@@ -37,7 +37,7 @@ class Assessment(NamedTuple):
         describe_unobservable_motion: Returns the least observable direction in words, near a singularity; else nothing.
         target_inverse_condition_number: At the target with the same lines, or None if no target is known.
         pose: T_world_camera that the distances belong to, or None if the camera position is not known.
-        proximity: Of the camera to a singular centre, for 1 mrad of image noise, likewise.
+        proximity: Of the camera to a singular centre, for the features' covariances or else 1 mrad, likewise.
         risk: What roll-outs of the closed loop say about the run, or None if law, target or position is not known.
         kind: What the level is for, without numbers: as long as it stays the same there is nothing new to say.
     """

@@ -111,7 +111,7 @@ class Indicators:
             numbers: Conditioning of the interaction matrix.
             target_inverse: Inverse condition number at the target, or None.
             distance: From the loci in the order of the set [m], or None if the camera position is not known.
-            near: Proximity of the camera to a singular centre, likewise, for 1 mrad of image noise.
+            near: Proximity of the camera to a singular centre, likewise.
         """
         inverse = numbers.inverse_condition_number
         absolute, relative = self._condition_rules(target_inverse)
@@ -141,11 +141,11 @@ class Indicators:
         return found
 
     def _proximity(self, near: Proximity) -> list[Indicator]:
-        precision = f"1 mrad in the image is {near.position_std:.3g} m and {near.rotation_std:.3g} rad there"
+        precision = f"the image's noise is {near.position_std:.3g} m and {near.rotation_std:.3g} rad there"
 
         def absolute(name: str, what: str, value: float, unit: str) -> Indicator:
             def text() -> str:
-                return f"{what} error for 1 mrad in the image, {value:.3g} {unit} along the least observable motion,"
+                return f"{what} error by the image's noise, {value:.3g} {unit} along the least observable motion,"
 
             return Indicator(name, _inverse(value), self._thresholds[name], text)
 

@@ -275,7 +275,8 @@ class SingularityMonitor:
         ruling = self._ruling(numbers, factors)
         target_inverse, target_image = NOT_KNOWN if self._target is None else self._target.at(lines.ids)
         distances = None if pose is None else singular.distance_arrays(pose.translation)
-        near_by = None if pose is None else singular.proximity(pose, ids=lines.ids)
+        known = observation.usable_covariances
+        near_by = None if pose is None else singular.proximity(pose, ids=lines.ids, covariances=known)
         measured = self._measured(ruling, target_inverse, None if distances is None else distances.distance, near_by)
         slope = self._slope.add(ruling.inverse_condition_number, stamp)
         time_to_critical = self._indicators.time_to_critical(ruling.inverse_condition_number, slope, target_inverse)

@@ -64,7 +64,8 @@ _MONITORED = {
         "position_std",
         0.0,
         0.0,
-        "when an error of 1 mrad of each image line puts the position off by this along the least observable motion",
+        "when the features' covariances, or else 1 mrad of each image line, put the position off by this along "
+        "the least observable motion",
         _DISTANCE,
         rises=True,
     ),
@@ -72,7 +73,8 @@ _MONITORED = {
         "rotation_std",
         0.0,
         0.0,
-        "when an error of 1 mrad of each image line turns the pose by this in the least observable motion",
+        "when the features' covariances, or else 1 mrad of each image line, turn the pose by this in "
+        "the least observable motion",
         _ANGLE,
         rises=True,
     ),

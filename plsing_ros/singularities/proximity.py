@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.stats import qmc
 
 from plsing_ros import _core
-from plsing_ros.arrays import Array
+from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.pose import checked_center
@@ -20,6 +20,7 @@ from plsing_ros.singularities.scene_frame import SceneFrame
 
 # Where the normal condition of a scene is taken, in scene lengths from its centre.
 _NEAREST, _FARTHEST, _PLACES = 1.0, 3.0, 1000
+_NO_COVARIANCES = np.zeros((0, 3))
 
 
 class Proximity(NamedTuple):
@@ -29,8 +30,8 @@ class Proximity(NamedTuple):
     (SceneFrame), so that nothing depends on the orientation of the camera, the unit, or the orientation of the lines.
 
     Attributes:
-        z: The smallest singular value over its standard deviation for the errors of the lines: below 3, the camera may
-            be singular as far as is known of the lines. None if all lines are known exactly.
+        z: The least of the singular values, each over its standard deviation for the errors of the lines: below 3, the
+            camera may be singular as far as is known of the lines. None if all lines are known exactly.
         distance: To the nearest singular centre, to first order [m].
         closest_point: That centre, shape (3,) [m].
         relative_condition: Inverse condition number over the scene's normal one (normal_condition).
@@ -60,7 +61,12 @@ class Proximity(NamedTuple):
 
 
 def proximity(
-    lines: LineSet, frame: SceneFrame, normal: float, pose_or_center: Pose | npt.ArrayLike, image_std: float
+    lines: LineSet,
+    frame: SceneFrame,
+    normal: float,
+    pose_or_center: Pose | npt.ArrayLike,
+    image_std: float,
+    covariances: Array | None = None,
 ) -> Proximity:
     """Return how near a camera is to a singular centre.
 
@@ -71,18 +77,33 @@ def proximity(
         pose_or_center: T_world_camera, or the camera centre, shape (3,) [m]; in the frame of the lines.
         image_std: Standard deviation of the normals of the interpretation planes, about each axis across them, that
             position_std and rotation_std are for [rad]: about that of a pixel over the focal length.
+        covariances: Of angle and offset of the image lines, as LineObservation has them, shape (n, 3), for a pose; then
+            position_std and rotation_std are for these.
 
     Raises:
-        GeometryError: If the centre is not three finite numbers or beyond 1e50 m, if image_std is not positive, or if
-            the rank basis overflows.
+        GeometryError: If the centre is not three finite numbers or beyond 1e50 m, if image_std is not positive, if
+            covariances come with a centre alone or in another shape, or if the rank basis overflows.
 
     Source: new, docs/near_singular.md.
     """
     if not 0.0 < image_std < math.inf:
         raise GeometryError(f"image_std is {image_std} rad; it must be positive and finite")
     center = checked_center("pose_or_center", pose_or_center)
+    rotation, covariance = np.eye(3), _NO_COVARIANCES
+    if covariances is not None:
+        if not isinstance(pose_or_center, Pose):
+            raise GeometryError("covariances of image lines are given with a camera centre alone; give the pose")
+        rotation, covariance = pose_or_center.rotation, checked_array("covariances", covariances, (len(lines), 3))
     found = _core.proximity(
-        lines.direction, lines.pivot, lines.position_std, lines.direction_std, center, frame.length, image_std
+        lines.direction,
+        lines.pivot,
+        lines.position_std,
+        lines.direction_std,
+        center,
+        frame.length,
+        image_std,
+        rotation,
+        covariance,
     )
     if found is None:
         raise GeometryError(f"a camera at {center.tolist()} m is too far from the lines to compute with")

@@ -224,7 +224,11 @@ class SingularSet:
         )
 
     def proximity(
-        self, pose_or_center: Pose | npt.ArrayLike, image_std: float = 1e-3, ids: tuple[int, ...] | None = None
+        self,
+        pose_or_center: Pose | npt.ArrayLike,
+        image_std: float = 1e-3,
+        ids: tuple[int, ...] | None = None,
+        covariances: Array | None = None,
     ) -> Proximity:
         """Return how near a camera is to a singular centre, whether or not a locus is known there; for every cycle.
 
@@ -232,15 +236,18 @@ class SingularSet:
             pose_or_center: T_world_camera, or the camera centre, shape (3,) [m]; in the frame of the lines.
             image_std: Error of the image lines [rad] that the standard deviations of the pose are for.
             ids: Of the lines that the camera sees; None: all.
+            covariances: Of angle and offset of each of these image lines (LineObservation.covariances), shape (n, 3),
+                that the standard deviations of the pose are for in place of image_std; needs a pose.
 
         Raises:
-            GeometryError: If the centre is not three finite numbers or beyond 1e50 m, or image_std is not positive.
+            GeometryError: If the centre is not three finite numbers or beyond 1e50 m, image_std is not positive, or
+                covariances come without a pose or in another shape.
         """
         lines = self.lines
         if ids is not None and ids != lines.ids:
             rows = {line: row for row, line in enumerate(lines.ids)}
             lines = lines.select([rows[line] for line in ids])
-        return proximity(lines, self._measured_frame, self.normal_condition, pose_or_center, image_std)
+        return proximity(lines, self._measured_frame, self.normal_condition, pose_or_center, image_std, covariances)
 
     @cached_property
     def normal_condition(self) -> float:

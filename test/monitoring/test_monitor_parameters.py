@@ -2,6 +2,7 @@
 """Each live parameter of the monitor, changed at run time, shows in the next assessment."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -137,7 +138,20 @@ def test_thresholds_of_the_precision_left(name, word):
         rig.set({f"{level}.{levels[level]}": changes[each] for each, level in zip(changes, levels, strict=True)})
         found = rig.see()
         assert found.level is expected, changes
-        assert expected is Level.OK or f"{word} error for 1 mrad" in found.reason
+        assert expected is Level.OK or f"{word} error by the image's noise" in found.reason
+
+
+def test_the_precision_is_that_of_the_features():
+    rig = Rig()
+    seen = LineObservation.of_lines(SCENE.transformed(HERE.inverse(), "camera"))
+    for std in (1e-3, 1e-2):
+        rig.monitor.receive_pose(HERE, rig.now + STEP)
+        rig.now += STEP
+        covariances = np.tile([std**2, 0.0, std**2], (len(SCENE), 1))
+        found = rig.monitor.answer(replace(seen, covariances=covariances), rig.now, rig.now).proximity
+        expected = rig.monitor.singular_set.proximity(HERE, covariances=covariances)
+        assert found.position_std == pytest.approx(expected.position_std)
+    assert found.position_std != pytest.approx(rig.see().proximity.position_std, rel=0.5)
 
 
 def test_a_singular_pose_without_a_locus_warns_by_its_distance():

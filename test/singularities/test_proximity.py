@@ -4,10 +4,12 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from singular_scenes import PAPER_FOUR, box_edges, line_set
 from strategies import line_sets, vectors
 
 from plsing_ros.errors import GeometryError
+from plsing_ros.features import project_lines
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.singularities import singular_set
 from plsing_ros.singularities.scene_frame import SceneFrame
@@ -23,8 +25,8 @@ def unit_rows(direction, point, center):
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
-def last_value(direction, point, center):
-    return np.linalg.svd(unit_rows(direction, point, center), compute_uv=False)[-1]
+def singular_values(direction, point, center):
+    return np.linalg.svd(unit_rows(direction, point, center), compute_uv=False)
 
 
 def across(u):
@@ -42,11 +44,9 @@ def test_z_and_distance_are_those_of_finite_differences(lines, center):
     singular = singular_set(measured)
     frame = SceneFrame.of(measured)
     away = np.linalg.norm(np.cross(measured.direction, measured.point - center), axis=1).min()
-    values = np.linalg.svd(
-        unit_rows(measured.direction, measured.point / frame.length, center / frame.length), compute_uv=False
-    )
-    # Where the last two singular values are as good as equal, neither has a derivative.
-    if away < 0.05 * frame.length or values[4] - values[5] < 1e-3 or values[5] < 1e-4:
+    values = singular_values(measured.direction, measured.point / frame.length, center / frame.length)
+    # Where two singular values are as good as equal, neither has a derivative.
+    if away < 0.05 * frame.length or (values[:-1] - values[1:]).min() < 1e-3 or values[5] < 1e-4:
         return
     found = singular.proximity(center)
     pivot, direction, scaled = measured.pivot / frame.length, measured.direction, center / frame.length
@@ -62,9 +62,9 @@ def test_z_and_distance_are_those_of_finite_differences(lines, center):
                     else:
                         u[i] += sign * step * way
                         u[i] /= np.linalg.norm(u[i])
-                    ends.append(last_value(u, p, scaled))
+                    ends.append(singular_values(u, p, scaled))
                 slopes.append(std * (ends[0] - ends[1]) / (2.0 * step))
-    assert found.z == pytest.approx(values[5] / np.linalg.norm(slopes), rel=1e-4)
+    assert found.z == pytest.approx((values / np.linalg.norm(slopes, axis=0)).min(), rel=1e-4)
     assert found.relative_condition == pytest.approx(values[5] / values[0] / singular.normal_condition, rel=1e-9)
     assert np.linalg.norm(found.closest_point - center) == pytest.approx(found.distance)
 
@@ -92,6 +92,59 @@ def test_z_is_standard_normal_on_a_singular_surface():
     slides = [np.linalg.norm(each.closest_point - [1.9, 0.0, -0.7]) for each in beside]
     assert np.median(errors) < 0.1
     assert max(slides) < 0.5
+
+
+def test_z_is_small_at_far_points_of_a_roof():
+    """Tens of roof lengths away several singular values are small, and not the smallest is the one that can vanish."""
+    w, d, h, s = 4.5, 9.1, 2.2, 1.9
+    corners, ridge = [(0, 0, 0), (w, 0, 0), (w, d, 0), (0, d, 0)], [(w / 2, s, h), (w / 2, d - s, h)]
+    joins = [(corners[0], ridge[0]), (corners[1], ridge[0]), (corners[2], ridge[1]), (corners[3], ridge[1]), ridge]
+    ends = np.array(joins, dtype=float)
+    points, directions = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    exact = singular_set(line_set((points, directions)))
+    far = max(exact.isolated_points, key=lambda point: np.linalg.norm(point - exact.frame.center))
+    assert np.linalg.norm(far - exact.frame.center) > 30.0 * exact.frame.length
+    generator, found = np.random.default_rng(3), []
+    for _ in range(40):
+        moved, turned = points + 5e-3 * generator.normal(size=(5, 3)), directions + 9e-3 * generator.normal(size=(5, 3))
+        lines = LineSet.from_points_directions(moved, turned, position_std=5e-3, direction_std=9e-3)
+        found.append(singular_set(lines).proximity(far).z)
+    assert np.mean(np.array(found) < 3.0) > 0.9
+
+
+@given(spread=st.lists(st.floats(0.2, 5.0), min_size=14, max_size=14), share=st.floats(-0.8, 0.8), eye=vectors())
+@settings(max_examples=10, deadline=None)
+def test_the_precision_is_that_of_the_covariances_of_the_features(spread, share, eye):
+    """Angle and offset of each image line, moved by the camera as central differences say, weighted by covariances."""
+    points, directions = box_edges()
+    lines = line_set((points[:7], directions[:7]))
+    center = lines.point.mean(axis=0) + np.array([4.0, 5.0, 3.0]) + 0.3 * eye
+    pose = Pose.look_at(center, lines.point.mean(axis=0))
+    first, second = (1e-3 * np.array(spread)).reshape(2, 7)
+    covariances = np.stack([first**2, share * first * second, second**2], axis=1)
+
+    def features(moved):
+        image = project_lines(lines.transformed(moved.inverse(), "camera")).reshape(-1, 3)
+        return np.stack([np.arctan2(image[:, 1], image[:, 0]), image[:, 2]], axis=1)
+
+    length = SceneFrame.of(lines).length
+    slopes = np.empty((7, 2, 6))
+    for k in range(6):
+        twist = np.zeros(6)
+        twist[k] = 1e-6 * (length if k < 3 else 1.0)
+        change = features(pose.integrate(twist, 1.0)) - features(pose.integrate(-twist, 1.0))
+        change[:, 0] = (change[:, 0] + np.pi) % (2.0 * np.pi) - np.pi
+        slopes[:, :, k] = change / 2e-6
+    blocks = np.array([[[a, b], [b, c]] for a, b, c in covariances])
+    information = sum(J.T @ np.linalg.solve(S, J) for J, S in zip(slopes, blocks, strict=True))
+    value, vector = np.linalg.eigh(information)
+    worst = vector[:, 0] / np.sqrt(value[0])
+    found = singular_set(lines).proximity(pose, covariances=covariances)
+    assert found.position_std == pytest.approx(length * np.linalg.norm(worst[:3]), rel=1e-4)
+    assert found.rotation_std == pytest.approx(np.linalg.norm(worst[3:]), rel=1e-4)
+    with pytest.raises(GeometryError, match="give the pose"):
+        singular_set(lines).proximity(center, covariances=covariances)
 
 
 def test_the_step_goes_to_points_lines_and_planes():
