@@ -35,6 +35,10 @@ _HOPELESS = 30.0
 _MAX_CLASSES, _MAX_CYLINDER = 6, 12
 
 
+# The value of a relation of parallel lines or directions, and its derivatives by ("axis", class) or ("line", row).
+_Relation = tuple[Callable[[], float], Callable[[], dict[tuple[str, int], Array]]]
+
+
 @dataclass(frozen=True, eq=False)
 class IdealScene:
     """Exact lines near measured ones.
@@ -63,6 +67,8 @@ def ideal_scene(lines: LineSet) -> IdealScene:
         scene = _Relations(lines, _MEANT * strictness)
         scene.relate()
         exactness, relations = scene.solve()
+        if scene.add_broken():
+            exactness, relations = scene.solve()
         if scene.unchanged():
             return IdealScene(lines, 0.0, relations)
         if exactness <= _MAX_EXACTNESS:
@@ -77,13 +83,14 @@ class _Relations:
     lines: LineSet
     meant: float
     class_of: Array = field(init=False)
-    rows: list[tuple[Callable[[], float], Callable[[], dict[tuple[str, int], Array]]]] = field(init=False)
+    rows: list[_Relation] = field(init=False)
+    held: list[_Relation] = field(init=False)
 
     def __post_init__(self) -> None:
         self.middle = self.lines.pivot.mean(axis=0)
         self.position = self.lines.pivot - self.middle
         self.size = float(np.linalg.norm(self.position, axis=1).mean()) or 1.0
-        self.rows = []
+        self.rows, self.held = [], []
         # Orthogonal classes (a, b); and classes (a, b) of the normal, or (a, -1), and two lines at one height along it.
         self.orthogonal: list[tuple[int, int]] = []
         self.planes: list[tuple[int, int, int, int]] = []
@@ -201,22 +208,32 @@ class _Relations:
         def value() -> float:
             return relation(each, *rows)
 
+        def slopes() -> dict[tuple[str, int], Array]:
+            return self._slopes(value, each, rows)
+
         if abs(value()) <= _ZERO * self.size:
-            # The planes say so already.
+            # The planes say so already, or it is so by chance for as long as nothing else moves the lines.
+            self.held.append((value, slopes))
             return True
         deviation = float(self.lines.position_std[rows].max() + self.size * np.sqrt(self.axis_variance[each]))
         if abs(value()) > _HOPELESS * self.meant * deviation:
             return False
-        slopes = self._slopes(value, each, rows)
         std = self.lines.position_std
         variance = sum(
             float((slope**2).sum()) * (std[row] ** 2 if kind == "line" else self.axis_variance[row])
-            for (kind, row), slope in slopes.items()
+            for (kind, row), slope in slopes().items()
         )
         if abs(value()) > self.meant * np.sqrt(variance) + 1e-12 * self.size:
             return False
-        self.rows.append((value, lambda: self._slopes(value, each, rows)))
+        self.rows.append((value, slopes))
         return True
+
+    def add_broken(self) -> bool:
+        """Add the relations that held when they were found and hold no more; return whether there are any."""
+        broken = [each for each in self.held if abs(each[0]()) > _ZERO * self.size]
+        self.held = [each for each in self.held if each not in broken]
+        self.rows += broken
+        return len(broken) > 0
 
     def _slopes(self, value: Callable[[], float], each: int, rows: list[int]) -> dict[tuple[str, int], Array]:
         """Return the derivatives of a relation of parallel lines, by central differences."""

@@ -23,6 +23,8 @@ from plsing_ros.singularities.surfaces import Surface
 
 # Samples of a locus, and how far beside it, in scene lengths, its slope is taken.
 _SAMPLES, _BESIDE = 40, 1e-3
+# Steps of first order to a surface, at most; more than a few only where its gradient vanishes nearby.
+_PROJECTIONS = 50
 # The share of the normal inverse condition number below which a camera is in the width of a locus.
 _WIDTH_SHARE = 0.1
 # Scene lengths from the scene's centre up to which loci are drawn if nothing else is said.
@@ -154,8 +156,10 @@ class Locus:
         return points[near] if near.any() else points
 
     def _projected(self, start: Array) -> Array:
-        for _ in range(8 if isinstance(self.part, Surface) else 1):
-            start = self.closest_point(start)
+        for _ in range(_PROJECTIONS if isinstance(self.part, Surface) else 1):
+            start, before = self.closest_point(start), start
+            if np.abs(start - before).max() <= 1e-15 * self._frame.length:
+                break
         return start
 
     @cached_property

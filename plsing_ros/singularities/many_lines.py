@@ -96,9 +96,11 @@ def _candidates(
     """Return points near which the singular ones of all lines are; None if the subset leaves a surface."""
     four = SceneFrame(frame.center, frame.length, False, frame.direction[subset], frame.point[subset])
     transversals = analyze_transversals(four)
-    if transversals.family in (TransversalFamily.REGULUS, TransversalFamily.EVERYWHERE):
+    if transversals.family is TransversalFamily.EVERYWHERE:
         return None
-    # A plane that is singular for all lines anyway does no harm.
+    # A quadric or plane that is singular for all lines anyway does no harm.
+    if transversals.family is TransversalFamily.REGULUS is not analysis.family:
+        return None
     known = np.concatenate([analysis.planes, infinite.planes])
     if not all(_is_among(plane, known) for plane in transversals.planes):
         return None

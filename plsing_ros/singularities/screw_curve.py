@@ -17,9 +17,10 @@ from plsing_ros.singularities.residual import singularity_residuals
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.ternary_forms import basis_values, multiplication_maps
 
-# Lines through one point of the plane of axes that the curve is cut with, and that point with two axes across.
+# Lines through a point of the plane of axes that the curve is cut with, and two such points, each with two axes across:
+# what is along the lines of one is across those of the other.
 _TURNS = 180
-_CAST, _ = np.linalg.qr(np.array([[0.31, 0.84, -0.43], [0.77, -0.15, 0.52], [-0.55, 0.49, 0.71]]))
+_CASTS = tuple(np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0] for seed in (43, 44))
 # Angles between axes up to which neighbours belong together, and chords, over one plus the distance from the scene's
 # centre, above which a piece goes through infinity.
 _TOGETHER, _THROUGH_INFINITY = 0.3, 0.6
@@ -154,7 +155,7 @@ class ScrewCurve:
     @cached_property
     def _coarse(self) -> Array:
         """Axes at the ends of pieces of the curve as they are cut, without those that are not singular (k, 2, 3)."""
-        pairs = self._joined(self._cut())
+        pairs = np.concatenate([self._joined(self._cut(cast)) for cast in _CASTS])
         centers, unique = centers_of_axes(self.frame, pairs.reshape(-1, 3))
         residual = singularity_residuals(self.frame.point, self.frame.direction, centers)
         kept: Array = pairs[(unique & (residual <= _SINGULAR)).reshape(-1, 2).all(axis=1)]
@@ -182,12 +183,12 @@ class ScrewCurve:
         centers: Array = centers_of_axes(self.frame, pairs.reshape(-1, 3))[0].reshape(-1, 2, 3)
         return centers
 
-    def _cut(self) -> list[Array]:
-        """Return the axes on each of the lines through one point of their plane, shape (k, 3) each."""
+    def _cut(self, cast: Array) -> list[Array]:
+        """Return the axes on each of the lines through the first of three orthonormal axes, shape (k, 3) each."""
         angle = np.pi * np.arange(_TURNS) / _TURNS
-        across = np.cos(angle)[:, np.newaxis] * _CAST[1] + np.sin(angle)[:, np.newaxis] * _CAST[2]
+        across = np.cos(angle)[:, np.newaxis] * cast[1] + np.sin(angle)[:, np.newaxis] * cast[2]
         places = np.cos(np.pi * (np.arange(self.degree + 1) + 0.5) / (self.degree + 1))
-        points = places[:, np.newaxis] * _CAST[0] + across[:, np.newaxis]
+        points = places[:, np.newaxis] * cast[0] + across[:, np.newaxis]
         values = self._values(points.reshape(-1, 3)).reshape(_TURNS, -1)
         coefficients = np.linalg.solve(np.vander(places), values.T).T
         # The eigenvalues of companion matrices; the curve is in no special position to the point.
@@ -197,7 +198,7 @@ class ScrewCurve:
         found = []
         for way, roots in zip(across, np.linalg.eigvals(companion), strict=True):
             real = roots.real[np.abs(roots.imag) <= 1e-7 * (1.0 + np.abs(roots))]
-            on = real[:, np.newaxis] * _CAST[0] + way
+            on = real[:, np.newaxis] * cast[0] + way
             found.append(on / np.linalg.norm(on, axis=1, keepdims=True))
         return found
 
