@@ -16,7 +16,9 @@ import numpy as np
 from benchmark.singular_search import singular_centers
 from benchmark.structured_scenes import KINDS, Scene, box_subset_scenes, measured, posed, rounded
 from plsing_ros.arrays import Array
-from plsing_ros.geometry import LineSet
+from plsing_ros.geometry import LineSet, Pose
+from plsing_ros.levels import Level
+from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.singularities import IsolatedStatus, Kind, SingularSet, singular_set
 from plsing_ros.singularities.scene_frame import SceneFrame
 
@@ -156,7 +158,9 @@ def _measured(rounds: int) -> None:
             if exact.singular_everywhere:
                 continue
             for locus in exact.loci:
-                for center in locus.samples[generator.permutation(len(locus.samples))[:4]]:
+                # A point is one camera, however often it is sampled.
+                places = np.unique(locus.samples, axis=0)
+                for center in places[generator.permutation(len(places))[:4]]:
                     within.append(any(each.distance(center) <= 3.0 * each.half_width for each in draws[0].loci))
                     low.append((draws[0].proximity(center).z or 0.0) < 3.0)
             for center in exact.frame.center + exact.frame.length * 2.0 * generator.normal(size=(20, 3)):
@@ -174,18 +178,45 @@ def _measured(rounds: int) -> None:
 
 
 def _healthy() -> None:
-    """Boxes looked at from anywhere: how often z says that the camera may be singular."""
+    """Boxes and stairs looked at from anywhere: how often the monitor alerts, and what z says."""
     generator = np.random.default_rng(6)
-    below = []
+    below, box_levels, stair_levels, said = [], [], [], []
     for _ in range(20):
         scene = posed(KINDS["box, nine visible edges"](generator), generator)
-        singular = singular_set(_lines(measured(scene, 1e-3, 1.7e-3, generator), 1e-3, 1.7e-3))
-        for center in singular.frame.center + singular.frame.length * 3.0 * generator.normal(size=(50, 3)):
-            below.append((singular.proximity(center).z or 0.0) < 3.0)
-    nosings = singular_set(_lines(measured(KINDS["box, all edges"](generator), 1e-3, 1.7e-3, generator), 1e-3, 1.7e-3))
+        monitor = SingularityMonitor(_lines(measured(scene, 1e-3, 1.7e-3, generator), 1e-3, 1.7e-3))
+        singular = monitor.singular_set
+        for pose in _views(singular, generator, 50):
+            if all(locus.distance(pose) >= 10.0 * locus.half_width for locus in singular.loci):
+                below.append((singular.proximity(pose).z or 0.0) < 3.0)
+                box_levels.append(monitor.assess_pose(pose).level)
+        points, directions = KINDS["stairs, five nosings and two sides"](generator)
+        nosings = posed((points[:5], directions[:5]), generator)
+        # Off parallel by their tolerances, and by one and a half milliradians more than these.
+        for extra in (0.0, 1.5e-3):
+            lines = _lines(measured(nosings, 1e-3, 1e-3 + extra, generator), 1e-3, 1e-3)
+            monitor = SingularityMonitor(lines)
+            for pose in _views(monitor.singular_set, generator, 10):
+                found = monitor.assess_pose(pose)
+                stair_levels.append(found.level)
+                said.append(" rad" in found.reason)
+    print(
+        f"\nboxes of nine edges off by 1 mm, cameras anywhere 10 half widths from their loci: z below 3 in "
+        f"{np.mean(below):.1%}, alert in {np.mean([level > Level.OK for level in box_levels]):.1%} of {len(below)}"
+    )
+    bad = [level > Level.OK for level in stair_levels]
+    print(f"five stair nosings: WARN or worse in {np.mean(bad):.1%} of {len(bad)}, with metres in {np.mean(said):.1%}")
+    edges = singular_set(_lines(measured(KINDS["box, all edges"](generator), 1e-3, 1.7e-3, generator), 1e-3, 1.7e-3))
     start = time.process_time()
     for _ in range(1000):
-        nosings.proximity([1.0, 2.0, 1.5])
+        edges.proximity([1.0, 2.0, 1.5])
     each = 1e6 * (time.process_time() - start) / 1000
-    print(f"\nboxes of nine edges off by 1 mm, cameras anywhere: z below 3 in {np.mean(below):.1%} of {len(below)}")
     print(f"proximity (z, distance, closest point, precision of the pose) of 12 lines takes {each:.0f} us of it")
+
+
+def _views(singular: SingularSet, generator: np.random.Generator, count: int) -> Iterator[Pose]:
+    """Yield poses that look at a scene from two to six scene lengths."""
+    frame = singular.frame
+    for _ in range(count):
+        way = generator.normal(size=3)
+        away = generator.uniform(2.0, 6.0) * frame.length / np.linalg.norm(way)
+        yield Pose.look_at(frame.center + away * way, frame.center)

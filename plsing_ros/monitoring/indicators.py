@@ -141,7 +141,7 @@ class Indicators:
         return found
 
     def _proximity(self, near: Proximity) -> list[Indicator]:
-        precision = f"the image's noise is {near.position_std:.3g} m and {near.rotation_std:.3g} rad there"
+        precision = precision_text(near)
 
         def absolute(name: str, what: str, value: float, unit: str) -> Indicator:
             def text() -> str:
@@ -269,6 +269,11 @@ class Indicators:
 def condition_text(inverse: float) -> str:
     """Return the inverse condition number in words."""
     return f"inverse condition number {inverse:.4g}"
+
+
+def precision_text(near: Proximity) -> str:
+    """Return what the image's noise makes of a pose along its least observable motion, in words."""
+    return f"the image's noise is {near.position_std:.3g} m and {near.rotation_std:.3g} rad there"
 
 
 def _inverse(value: float) -> float:

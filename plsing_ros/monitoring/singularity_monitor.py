@@ -33,7 +33,7 @@ from plsing_ros.monitoring.approach import Approach, ApproachTable, Trend
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.camera_position import CameraPosition
 from plsing_ros.monitoring.hysteresis import OK, Debounce
-from plsing_ros.monitoring.indicators import Indicator, Indicators, condition_text, verdict_indicator
+from plsing_ros.monitoring.indicators import Indicator, Indicators, condition_text, precision_text, verdict_indicator
 from plsing_ros.monitoring.law_risks import laws_text, risks_of_laws
 from plsing_ros.monitoring.monitored_target import NOT_KNOWN, MonitoredTarget
 from plsing_ros.monitoring.prediction import Prediction
@@ -318,7 +318,7 @@ class SingularityMonitor:
             reason = reasons(
                 indicators, levels, self._singular_everywhere, condition_text(ruling.inverse_condition_number)
             )
-            reason = with_position(reason, nearest, source, parameters.pose_tolerance)
+            reason = with_position(reason, nearest, source, parameters.pose_tolerance) + self._absolute_text(near_by)
             return (f"{reason}; near a singularity, {calm}" if calm and near and level is OK else reason) + note
 
         def describe_unobservable_motion() -> str:
@@ -356,6 +356,10 @@ class SingularityMonitor:
         singular = self._singular_set
         all_used = len(self._parameters.columns) == 6
         return singular.description if singular.singular_everywhere and all_used else ""
+
+    def _absolute_text(self, near: Proximity | None) -> str:
+        """Return what is left of the precision of a pose in a scene that is singular everywhere, or ""."""
+        return "" if near is None or not self._singular_everywhere else f"; {precision_text(near)}"
 
     def _ruling(self, numbers: Conditioning, factors: Decomposition) -> Conditioning:
         """Return the conditioning that levels are judged by: that of the degrees of freedom in use."""
@@ -441,6 +445,7 @@ class SingularityMonitor:
         level = worst(levels, self._singular_everywhere)
         reason = reasons(indicators, levels, self._singular_everywhere, condition_text(ruling.inverse_condition_number))
         reason = with_position(reason, nearest, "pose asked for", self._parameters.pose_tolerance)
+        reason += self._absolute_text(near_by)
         risks: dict[str, Risk] = {}
         if self._T_world_target is not None and self._parameters.controller == "law":
             risks = risks_of_laws(T_world_camera, self._singular_set, self._T_world_target, self._parameters)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array, cross, vector_text
+from plsing_ros.singularities.bilinear_system import bilinear_tensor
 from plsing_ros.singularities.loci import Kind
 from plsing_ros.singularities.moving_screws import centers_of_axes
 from plsing_ros.singularities.residual import singularity_residuals
@@ -59,7 +60,16 @@ class ScrewCurve:
     @property
     def exists(self) -> bool:
         """Whether it has real points."""
-        return len(self._coarse) > 0
+        return any(len(self._singular_pieces(cast)) > 0 for cast in _CASTS)
+
+    def contains(self, center: Array, reach: float) -> bool:
+        """Return whether a singular centre (3,), scene coordinates, is the C(w) of its own axis up to a distance."""
+        tensor = bilinear_tensor(self.frame.direction[np.newaxis], self.frame.point[np.newaxis])[0]
+        motion = np.linalg.svd(np.tensordot(np.array([1.0, *center]), tensor, axes=1))[2][-1]
+        axis = motion[np.newaxis, 3:] / max(float(np.linalg.norm(motion[3:])), 1e-300)
+        place, unique = centers_of_axes(self.frame, axis)
+        off = abs(float(self._values(axis)[0]))
+        return bool(unique[0] and off <= reach and np.linalg.norm(place[0] - center) <= reach)
 
     def __str__(self) -> str:
         place = self.closest_point(self.frame.center)
@@ -152,10 +162,9 @@ class ScrewCurve:
         size, chord = self._sizes(self._ends)
         return self._centers(self._ends[chord <= _THROUGH_INFINITY * size])
 
-    @cached_property
-    def _coarse(self) -> Array:
-        """Axes at the ends of pieces of the curve as they are cut, without those that are not singular (k, 2, 3)."""
-        pairs = np.concatenate([self._joined(self._cut(cast)) for cast in _CASTS])
+    def _singular_pieces(self, cast: Array) -> Array:
+        """Return axes at the ends of pieces of the curve as they are cut, of those that are singular, (k, 2, 3)."""
+        pairs = self._joined(self._cut(cast))
         centers, unique = centers_of_axes(self.frame, pairs.reshape(-1, 3))
         residual = singularity_residuals(self.frame.point, self.frame.direction, centers)
         kept: Array = pairs[(unique & (residual <= _SINGULAR)).reshape(-1, 2).all(axis=1)]
@@ -164,7 +173,7 @@ class ScrewCurve:
     @cached_property
     def _ends(self) -> Array:
         """Axes at the ends of short pieces of the curve, shape (k, 2, 3)."""
-        pairs = self._coarse
+        pairs = np.concatenate([self._singular_pieces(cast) for cast in _CASTS])
         for _ in range(_HALVINGS):
             size, chord = self._sizes(pairs)
             long = (chord > np.where(size < _NEAR, _FINE, _COARSE) * size) & (size < _FAR)

@@ -76,9 +76,15 @@ def infinite_loci(frame: SceneFrame, analysis: TransversalAnalysis) -> ScrewLoci
 
 def is_on_curve(frame: SceneFrame, curves: tuple[Curve | ScrewCurve, ...], center: Array) -> bool:
     """Return whether a real centre (3,), in scene coordinates, is on one of some curves."""
-    place = frame.from_scene(center)
-    reach = _SAME * frame.length * (1.0 + float(np.abs(center).max()))
-    return any(float(np.linalg.norm(curve.closest_point(place) - place)) <= reach for curve in curves)
+    place, reach = frame.from_scene(center), _SAME * (1.0 + float(np.abs(center).max()))
+    for curve in curves:
+        if isinstance(curve, ScrewCurve):
+            on = curve.contains(center, reach)
+        else:
+            on = float(np.linalg.norm(curve.closest_point(place) - place)) <= reach * frame.length
+        if on:
+            return True
+    return False
 
 
 def _merged(frame: SceneFrame, limits: Limits, infinite: ScrewLoci) -> IsolatedPoints:
