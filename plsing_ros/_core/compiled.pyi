@@ -495,8 +495,8 @@ def proximity(
     center: Array,
     length: float,
     image_std: float,
-    rotation: Array,
-    covariance: Array,
+    rotation: Array = ...,
+    covariance: Array = ...,
 ) -> tuple[float, float, Array, float, float, float, Array] | None:
     """Return how near a camera centre is to a singular one; None if something is not finite.
 
@@ -509,7 +509,7 @@ def proximity(
         length: That translations are divided by [m].
         image_std: Standard deviation of the normals of the interpretation planes [rad].
         rotation: Of T_world_camera, shape (3, 3).
-        covariance: (angle, both, offset) of each image line, shape (n, 3), in place of image_std; none: (0, 3).
+        covariance: (angle, both, offset) of each image line, shape (n, 3), in place of image_std; given with rotation.
 
     Returns:
         z (infinite without errors of the lines), distance [m], closest point (3,) [m], smallest over largest singular

@@ -39,12 +39,11 @@ Eigen::Matrix2d whitening(const Vector3d &u, const Vector3d &f, const Eigen::Vec
 
 py::object proximity(const Vectors &direction, const Vectors &pivot, const Values &position_std,
                      const Values &direction_std, const View<3> &center, double length, double image_std,
-                     const View<3, 3> &rotation, const Vectors &covariance)
+                     const Matrix3d &rotation, const Vectors *covariance)
 {
     const Index n = direction.rows(), rows = std::max<Index>(2 * n, 6);
     require(pivot.rows() == n && position_std.size() == n && direction_std.size() == n, "there must be n lines in each");
-    const bool weighted = covariance.rows() > 0;
-    require(!weighted || covariance.rows() == n, "there must be a covariance of each line");
+    require(covariance == nullptr || covariance->rows() == n, "there must be a covariance of each line");
     Tall basis = Tall::Zero(rows, 6), image = Tall::Zero(rows, 6);
     Eigen::VectorXd size = Eigen::VectorXd::Ones(rows);
     Eigen::Matrix3Xd normal(3, n), arm(3, n);
@@ -63,8 +62,9 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
         basis.row(2 * i + 1).tail<3>() = m / distance;
         image.row(2 * i) << f.transpose() / square, u.transpose();
         image.row(2 * i + 1).tail<3>() = m / distance;
-        if (weighted) {
-            const Eigen::Matrix2d white = whitening(rotation.transpose() * u, rotation.transpose() * f, covariance.row(i));
+        if (covariance != nullptr) {
+            const Eigen::Matrix2d white =
+                whitening(rotation.transpose() * u, rotation.transpose() * f, covariance->row(i));
             image.middleRows<2>(2 * i) = (white * image.middleRows<2>(2 * i)).eval();
         }
     }
@@ -120,7 +120,7 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
         if (variance(k) > 0.0)
             z = std::min(z, decomposed.values()(k) / std::sqrt(variance(k)));
     const Vector6d weakest = seen.right().col(5);
-    const double deviation = seen.has_full_rank() ? (weighted ? 1.0 : image_std) / seen.values()(5) : infinite;
+    const double deviation = seen.has_full_rank() ? (covariance == nullptr ? image_std : 1.0) / seen.values()(5) : infinite;
     const double moved = length * weakest.head<3>().norm(), turned = weakest.tail<3>().norm();
     Vector6d motion_in_metres;
     motion_in_metres << length * weakest.head<3>(), weakest.tail<3>();
@@ -157,7 +157,17 @@ py::array_t<double> scene_conditions(const Vectors &direction, const Vectors &po
 
 void bind_proximity(py::module_ &module)
 {
-    module.def("proximity", &proximity);
+    module.def("proximity", [](const Vectors &direction, const Vectors &pivot, const Values &position_std,
+                               const Values &direction_std, const View<3> &center, double length, double image_std) {
+        return proximity(direction, pivot, position_std, direction_std, center, length, image_std,
+                         Matrix3d::Identity(), nullptr);
+    });
+    module.def("proximity", [](const Vectors &direction, const Vectors &pivot, const Values &position_std,
+                               const Values &direction_std, const View<3> &center, double length, double image_std,
+                               const View<3, 3> &rotation, const Vectors &covariance) {
+        return proximity(direction, pivot, position_std, direction_std, center, length, image_std, rotation,
+                         &covariance);
+    });
     module.def("scene_conditions", &scene_conditions);
 }
 

@@ -20,7 +20,6 @@ from plsing_ros.singularities.scene_frame import SceneFrame
 
 # Where the normal condition of a scene is taken, in scene lengths from its centre.
 _NEAREST, _FARTHEST, _PLACES = 1.0, 3.0, 1000
-_NO_COVARIANCES = np.zeros((0, 3))
 
 
 class Proximity(NamedTuple):
@@ -89,11 +88,11 @@ def proximity(
     if not 0.0 < image_std < math.inf:
         raise GeometryError(f"image_std is {image_std} rad; it must be positive and finite")
     center = checked_center("pose_or_center", pose_or_center)
-    rotation, covariance = np.eye(3), _NO_COVARIANCES
+    weights: tuple[Array, ...] = ()
     if covariances is not None:
         if not isinstance(pose_or_center, Pose):
             raise GeometryError("covariances of image lines are given with a camera centre alone; give the pose")
-        rotation, covariance = pose_or_center.rotation, checked_array("covariances", covariances, (len(lines), 3))
+        weights = pose_or_center.rotation, checked_array("covariances", covariances, (len(lines), 3))
     found = _core.proximity(
         lines.direction,
         lines.pivot,
@@ -102,8 +101,7 @@ def proximity(
         center,
         frame.length,
         image_std,
-        rotation,
-        covariance,
+        *weights,
     )
     if found is None:
         raise GeometryError(f"a camera at {center.tolist()} m is too far from the lines to compute with")

@@ -60,7 +60,7 @@ class ScrewCurve:
     @property
     def exists(self) -> bool:
         """Whether it has real points."""
-        return any(len(self._singular_pieces(cast)) > 0 for cast in _CASTS)
+        return any(len(self._singular_pieces(self._joined(self._cut(cast)))) > 0 for cast in _CASTS)
 
     def contains(self, center: Array, reach: float) -> bool:
         """Return whether a singular centre (3,), scene coordinates, is the C(w) of its own axis up to a distance."""
@@ -162,9 +162,8 @@ class ScrewCurve:
         size, chord = self._sizes(self._ends)
         return self._centers(self._ends[chord <= _THROUGH_INFINITY * size])
 
-    def _singular_pieces(self, cast: Array) -> Array:
-        """Return axes at the ends of pieces of the curve as they are cut, of those that are singular, (k, 2, 3)."""
-        pairs = self._joined(self._cut(cast))
+    def _singular_pieces(self, pairs: Array) -> Array:
+        """Return the axes at the ends of pieces (k, 2, 3) that are singular at both."""
         centers, unique = centers_of_axes(self.frame, pairs.reshape(-1, 3))
         residual = singularity_residuals(self.frame.point, self.frame.direction, centers)
         kept: Array = pairs[(unique & (residual <= _SINGULAR)).reshape(-1, 2).all(axis=1)]
@@ -173,14 +172,15 @@ class ScrewCurve:
     @cached_property
     def _ends(self) -> Array:
         """Axes at the ends of short pieces of the curve, shape (k, 2, 3)."""
-        pairs = np.concatenate([self._singular_pieces(cast) for cast in _CASTS])
+        pairs = np.concatenate([self._joined(self._cut(cast)) for cast in _CASTS])
         for _ in range(_HALVINGS):
             size, chord = self._sizes(pairs)
             long = (chord > np.where(size < _NEAR, _FINE, _COARSE) * size) & (size < _FAR)
             middle = self._on_curve(pairs[long].sum(axis=1))
             halves = [np.stack([pairs[long, 0], middle], axis=1), np.stack([middle, pairs[long, 1]], axis=1)]
             pairs = np.concatenate([pairs[~long], *halves])
-        return pairs
+        # Neighbours that do not belong together leave places off the curve between them.
+        return self._singular_pieces(pairs)
 
     def _sizes(self, pairs: Array) -> tuple[Array, Array]:
         """Return one plus the distance from the scene's centre, and the chord, of pieces (k, 2, 3), (k,) each."""

@@ -371,10 +371,12 @@ def _singular_set_of(lines: LineSet) -> SingularSet:
         )
     reduced = frame if len(rows) == len(lines) else SceneFrame.of(lines.select(rows))
     analysis = analyze_transversals(reduced)
-    finite = finite_transversals(analysis)
-    observed = observed_rows(reduced, *finite)
-    foot, direction = (each[observed < 0] for each in finite)
-    words = _words_on_transversals(lines.select(rows), analysis, finite[1], observed)
+    foot, direction = finite_transversals(analysis)
+    observed = observed_rows(reduced, foot, direction)
+    at_infinity = len(analysis.lines) > len(foot)
+    if observed:
+        listed = np.array(observed) < 0
+        foot, direction = foot[listed], direction[listed]
     surfaces = transversal_surfaces(reduced, analysis)
     case = classify(reduced, analysis.family)
     curves: tuple[Curve | ScrewCurve, ...] = ()
@@ -394,24 +396,23 @@ def _singular_set_of(lines: LineSet) -> SingularSet:
         )
     residual = singularity_residuals(reduced.point, reduced.direction, places_along(foot, direction))
     transversals = named_transversals(reduced, foot, direction, residual)
-    isolated = replace(isolated, note=" ".join([isolated.note, *words]).strip())
+    if observed or at_infinity:
+        words = _words_on_transversals(lines, at_infinity, [lines.ids[rows[row]] for row in observed if row >= 0])
+        isolated = replace(isolated, note=" ".join([isolated.note, *words]).strip())
     return _assembled(lines, reduced, case, analysis, transversals, surfaces, curves, isolated)
 
 
-def _words_on_transversals(
-    lines: LineSet, analysis: TransversalAnalysis, finite: Array, observed: npt.NDArray[np.intp]
-) -> list[str]:
-    """Return sentences on the transversals that are not listed: at infinity, and observed lines themselves."""
+def _words_on_transversals(lines: LineSet, at_infinity: bool, observed: list[int]) -> list[str]:
+    """Return sentences on the transversals that are not listed: at infinity, and observed lines (ids) themselves."""
     words = []
-    if len(analysis.lines) > len(finite):
+    if at_infinity:
         normal = np.linalg.svd(lines.direction)[2][2]
         normal = normal * np.sign(normal[np.abs(normal).argmax()])
         words.append(
             "One line that meets all of them is at infinity, where no camera gets: they are parallel to the planes "
             f"across {vector_text(normal)}."
         )
-    words += [f"Line {lines.ids[row]} itself meets all others." for row in observed.tolist() if row >= 0]
-    return words
+    return words + [f"Line {number} itself meets all others." for number in observed]
 
 
 def _assembled(

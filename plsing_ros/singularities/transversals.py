@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from plsing_ros.arrays import Array, cross
 from plsing_ros.singularities.lapack import right_singular_vectors
@@ -135,22 +134,24 @@ def finite_transversals(analysis: TransversalAnalysis) -> tuple[Array, Array]:
     return cross(direction, lines[:, 3:]), direction
 
 
-def observed_rows(frame: SceneFrame, foot: Array, direction: Array) -> npt.NDArray[np.intp]:
-    """Return the row of the observed line that each of k lines is, shape (k,); -1 for none.
+def observed_rows(frame: SceneFrame, foot: Array, direction: Array) -> list[int]:
+    """Return the row of the observed line that each of k lines is, -1 for none; empty if none is any.
 
     Args:
         frame: The scene.
         foot: A point on each line, scene coordinates, shape (k, 3).
         direction: Unit directions, shape (k, 3).
     """
-    rows = np.full(len(foot), -1)
+    if np.abs(direction @ frame.direction.T).max(initial=0.0) <= 1.0 - _SAME:
+        return []
+    rows = [-1] * len(foot)
     for i in range(len(foot)):
         turned = np.linalg.norm(cross(frame.direction, direction[i]), axis=1)
         apart = np.linalg.norm(cross(frame.point - foot[i], direction[i]), axis=1)
         same = np.flatnonzero((turned <= _SAME) & (apart <= _SAME * (1.0 + np.linalg.norm(foot[i]))))
         if len(same):
-            rows[i] = same[0]
-    return rows
+            rows[i] = int(same[0])
+    return rows if max(rows) >= 0 else []
 
 
 def places_along(foot: Array, direction: Array) -> Array:

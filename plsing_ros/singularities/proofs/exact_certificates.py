@@ -68,7 +68,7 @@ def everywhere_certificate(exact: RationalLines, ids: tuple[int, ...]) -> Certif
 def _is_observed(line: Array, frame: SceneFrame) -> bool:
     direction = line[:3] / np.linalg.norm(line[:3])
     foot = np.cross(direction, line[3:] / np.linalg.norm(line[:3]))
-    return bool(observed_rows(frame, foot[np.newaxis], direction[np.newaxis])[0] >= 0)
+    return len(observed_rows(frame, foot[np.newaxis], direction[np.newaxis])) > 0
 
 
 def _transversals(singular: SingularSet, exact: RationalLines, ids: tuple[int, ...]) -> Certificate:
