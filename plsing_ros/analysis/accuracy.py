@@ -62,7 +62,7 @@ def line_information(
     Raises:
         GeometryError: If there is no pose.
 
-    Source: new, docs/howto/select_lines.md.
+    Source: new, docs/results/line_selection.md.
     """
     if not poses:
         raise GeometryError("no pose given; at least one is needed to say how exact it is")

@@ -158,7 +158,7 @@ def select_lines(
         ParameterError: If processes is below 1.
         SchedulerError: If the cluster or the processes cannot be used.
 
-    Source: new, docs/howto/select_lines.md.
+    Source: new, docs/results/line_selection.md.
     """
     n = len(lines)
     if not MIN_LINES <= count <= n:
