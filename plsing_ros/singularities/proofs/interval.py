@@ -123,7 +123,7 @@ def _interval_lines(
 
 
 def _interval_tensor(enclosed: list[tuple[list[Any], list[Any]]]) -> list[list[list[Any]]]:
-    """Return enclosures of the coefficients of kernel_pencil.bilinear_tensor, index order [h][row][column].
+    """Return enclosures of the coefficients of bilinear_system.bilinear_tensor, index order [h][row][column].
 
     Written out anew rather than shared, so that the proof does not rest on the code it is to check.
     """
