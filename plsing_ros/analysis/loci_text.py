@@ -11,6 +11,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.singularities import Kind, SingularSet, Surface
 from plsing_ros.singularities.curves import Curve
 from plsing_ros.singularities.locus import Locus, StraightPart
+from plsing_ros.singularities.screw_curve import ScrewCurve
 
 _MEANING = "Where a scene is singular, the camera can make a motion that changes no image line: nothing can control it."
 # Parts of a unit vector below this are written as 0.
@@ -59,7 +60,7 @@ def place_in_words(locus: Locus) -> str:
         return f"in the plane {_plane(part)}" if part.kind is Kind.PLANE else f"on {_NOUNS[part.kind]}"
     if isinstance(part, Curve) and part.kind is Kind.STRAIGHT_LINE:
         return f"on the straight line through {_vector(part.point)} m along {_direction(part.axes[0])}"
-    if isinstance(part, Curve):
+    if isinstance(part, Curve | ScrewCurve):
         return f"on the {str(part).replace(': ', ', ', 1)}"
     return "everywhere"
 

@@ -260,7 +260,11 @@ class SingularSet:
 
     @cached_property
     def loci(self) -> tuple[Locus, ...]:
-        """All parts in the order of locus_names, without the observed lines; one part if every centre is singular."""
+        """All parts in the order of locus_names, without the observed lines; one part if every centre is singular.
+
+        What tools judge a choice of lines by: each has distance(pose), half_width [m] and exactness, and draws itself
+        (polyline, mesh); proximity says the same at any pose without a list.
+        """
         if self.singular_everywhere:
             return (self._locus("everywhere", Kind.EVERYWHERE, Everywhere(), self.exactness),)
         parts: list[tuple[Part, float]] = [(StraightPart(t.point, t.direction), t.exactness) for t in self.transversals]

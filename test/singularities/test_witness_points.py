@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from singular_scenes import PAPER_FOUR, line_set, min_ratio, singular_centers
 
+from plsing_ros.analysis.loci_text import place_in_words
 from plsing_ros.singularities import Kind, singular_set
 
 numbers = st.floats(-2.0, 2.0).map(lambda value: round(value, 3))
@@ -88,6 +89,8 @@ def test_scenes_of_solids(name):
     assert len(centers) > 0 or kind is None
     assert kind is None or kind in {curve.kind for curve in singular.curves}
     assert kind is not Kind.CURVE or "curve: through" in str(singular)
+    for locus in singular.loci:
+        assert kind is not Kind.CURVE or locus.kind is not kind or place_in_words(locus).startswith("on the curve")
 
 
 def test_general_lines_have_no_curve():
