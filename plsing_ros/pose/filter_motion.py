@@ -215,8 +215,9 @@ class MotionBank:
             innovation = after.update(seen.lines, seen.rows, seen.image, seen.covariances, used, _ITERATIONS)
             if innovation.good:
                 worst = max(_values_of(innovation.of_line, used))
-                if worst <= gate and innovation.squared <= _quantile(2 * sum(used)):
-                    return MotionFit(state, after, innovation, used, self._cost(innovation, used))
+                cost = self._cost(innovation, used)
+                if worst <= gate and innovation.squared <= _quantile(2 * sum(used)) and math.isfinite(cost):
+                    return MotionFit(state, after, innovation, used, cost)
                 suspect = innovation.removal
             else:
                 suspect = innovation.of_line
@@ -247,7 +248,9 @@ class MotionBank:
         best = fits[costs.index(least)]
         assert best is not None
         states = [best.state if fit is None else fit.state for fit in fits]
-        bank = MotionBank(states, [share / total for share in shares], self._settings, self._since_update)
+        bank = MotionBank(
+            states, [max(share / total, _MIN_WEIGHT) for share in shares], self._settings, self._since_update
+        )
         return BankUpdate(bank, best, least - 2.0 * math.log(total))
 
     def part(self, by_pose: Array, offset: float, std: float) -> MotionBank:

@@ -131,7 +131,7 @@ class FilterTrack:
         if splits == 0 or agreement is not Agreement.AGREES or not self._is_wide(update.fit.before):
             return whole
         curvature = update.fit.curvature(seen)
-        if curvature.nonlinearity <= _MAX_NONLINEARITY:
+        if not curvature.nonlinearity > _MAX_NONLINEARITY or not np.isfinite(curvature.by_pose).all():
             return whole
         parts: list[tuple[float, BankUpdate]] = []
         for offset, std, share in _PARTS:

@@ -152,6 +152,28 @@ def test_a_prediction_moves_the_pose_and_its_covariance_as_the_motion_does(twist
     np.testing.assert_allclose(state.covariance, slope @ root @ root.T @ slope.T, atol=1e-9)
 
 
+@pytest.mark.parametrize("scale", [0.5, 0.8, 1.2, 1.5])
+def test_a_twist_that_is_too_fast_or_slow_does_not_mislead(scale):
+    for seed in range(6):
+        generator = np.random.default_rng([seed, round(10 * scale)])
+        poses, twist = crossing(generator, 40)
+        pose_filter = PoseFilter(LINES, FilterParameters(noise_image=NOISE), **off(poses[0], generator))
+        for pose, estimate in zip(poses, follow(pose_filter, poses, scale * twist, generator), strict=True):
+            assert estimate.pose is not None and squared_error(pose, estimate) < 36.0
+
+
+def test_from_a_start_that_is_far_off_the_covariance_is_right():
+    squares = []
+    for seed in range(40):
+        generator = np.random.default_rng([seed, 9])
+        poses, twist = crossing(generator, 10)
+        start = off(poses[0], generator, position=0.115, turn=0.06)
+        pose_filter = PoseFilter(LINES, FilterParameters(noise_image=NOISE), **start)
+        squares.append(squared_error(poses[-1], follow(pose_filter, poses, twist, generator)[-1]))
+    low, high = chi2.ppf([5e-4, 1.0 - 5e-4], 6 * len(squares)) / len(squares)
+    assert low < np.mean(squares) < high
+
+
 def test_without_a_start_it_begins_with_an_image_that_can_be_trusted():
     generator = np.random.default_rng(3)
     poses, twist = crossing(generator, 60)
