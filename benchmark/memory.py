@@ -85,7 +85,7 @@ def _frames() -> list[LineObservation]:
         there = 0.1 * np.sin(2.0 * np.pi * k / _FRAMES) * np.array([1.0, 0.5, -0.5])
         camera = Pose(start.rotation, start.translation + there)
         right = LineObservation.of_lines(lines.transformed(camera.inverse(), "camera"))
-        image = right.image_lines + [0.0, 0.0, 1.0] * _NOISE * rng.normal(size=right.image_lines.shape)
+        image = right.image_lines + np.array([0.0, 0.0, _NOISE]) * rng.normal(size=right.image_lines.shape)
         usable = np.ones(len(lines), dtype=bool)
         if k % 100 == 50:
             image = image * [1.0, 1.0, 500.0]

@@ -29,7 +29,7 @@ from plsing_ros.parameters.config_files import config_file
 from plsing_ros.testing.node_processes import NodeProcesses
 
 _STOPPED = 2.0  # [s]
-_PATIENCE = 60.0  # [s]
+_PATIENCE = 180.0  # [s]
 _SEED = 1
 
 
@@ -136,10 +136,11 @@ class _Ears:
             self._executor.spin_once(timeout_sec=rest)
 
     def wait_until_moving(self) -> None:
-        """Listen until a twist moves the camera."""
+        """Listen until features come and a twist moves the camera."""
         self.twists.clear()
+        self.last_feature = 0.0
         end = time.monotonic() + _PATIENCE
-        while not any(moves for _, moves in self.twists):
+        while not (self.last_feature and any(moves for _, moves in self.twists)):
             self._executor.spin_once(timeout_sec=0.1)
             if time.monotonic() > end:
                 raise TimeoutError(f"no twist that moves in {_PATIENCE} s")
