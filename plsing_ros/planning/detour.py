@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planning a path for a camera that keeps clear of singularities: straight where that is clear, else round them."""
+"""Planning a path for a camera that keeps clear of singularities: straight where that is clear, else round them.
+
+Polygons with one waypoint, then with two, are tried, the shortest first (WaypointSearch). Each is rounded and checked
+at poses along it against a share of the distances. Where a line comes near the focal plane, the camera is tilted.
+Where the conditioning falls too low, the next attempt avoids the place. After the last attempt the path with the
+highest lowest 1/cond is taken, and the reason says so. If nothing is clear, ever lower shares of the margin are tried.
+A plan is always the same.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is proved of a singular set, and which lines the proofs are about."""
+"""What is proved of a singular set, and which lines the proofs are about.
+
+Interval arithmetic (mpmath): Krawczyk's operator for each transversal and each simple isolated point. A true one lies
+within the stated radius, is the only one in its box, and is real if the found one is. For five and more lines it is
+about four of them, whose ids the certificate names.
+
+Exact arithmetic (sympy over the rationals), about all lines together:
+
+- What meets all lines, singular everywhere: rank and signature. Three lines: the quadric and the cubic.
+- Four lines: the quotient ring of the five quartics has dimension ten and a characteristic polynomial without multiple
+  roots, so there are at most ten; with ten disjoint boxes of Krawczyk's test all are found. Sturm's theorem counts the
+  real ones.
+- Five and more lines: a point with rational coordinates by the exact rank of xi there. An unobservable screw has an
+  axis direction among the zeros of the quartics of each four, so the greatest common divisor of the characteristic
+  polynomials of up to four subsets bounds the number of others; for general lines it is 1.
+
+Not proved: curves, isolated points of special scenes as a whole, points of five and more lines that are not rational,
+and lines with integers above 10^6.
+"""
 
 from __future__ import annotations
 
