@@ -125,18 +125,28 @@ class ConsistencyCheck:
 
     def _agrees(self, image: Array, lines: LineSet, told: Pose | None) -> bool:
         """Return whether nothing is near what is allowed: most frames need no more."""
+        direction: Array
+        moment: Array
         if self._scene is None:
-            expected = _NOTHING, _NOTHING
+            direction, moment = _NOTHING, _NOTHING
         elif lines.ids == self._scene.ids:
-            expected = self._scene.direction, self._scene.moment
+            direction, moment = self._scene.direction, self._scene.moment
         elif self._latest is not None and lines.ids == self._latest[0]:
-            expected = self._latest[1].direction, self._latest[1].moment
+            direction, moment = self._latest[1].direction, self._latest[1].moment
         else:
             return False
         if told is None:
-            return _core.are_consistent(image, lines.direction, lines.moment, *expected, *self._sure)
+            return _core.are_consistent(image, lines.direction, lines.moment, direction, moment, *self._sure)
         return _core.are_consistent(
-            image, lines.direction, lines.moment, *expected, *self._sure, told.rotation, told.translation, *self._near
+            image,
+            lines.direction,
+            lines.moment,
+            direction,
+            moment,
+            *self._sure,
+            told.rotation,
+            told.translation,
+            *self._near,
         )
 
     def _of_near_pairs(self, observation: LineObservation, lines: LineSet) -> str | None:

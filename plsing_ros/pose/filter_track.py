@@ -143,7 +143,9 @@ class FilterTrack:
         """Whether a state is POOR; others are small enough for images to be as good as linear."""
         deviation = np.sqrt(state.covariance.diagonal()).tolist()
         limits = self._settings
-        return max(deviation[:3]) > limits.max_position_deviation or max(deviation[3:]) > limits.max_rotation_deviation
+        return bool(
+            max(deviation[:3]) > limits.max_position_deviation or max(deviation[3:]) > limits.max_rotation_deviation
+        )
 
     def _adopt(self, updates: list[tuple[float, BankUpdate]], agreement: Agreement) -> TrackUpdate:
         cost, best = min(updates, key=lambda each: each[0])

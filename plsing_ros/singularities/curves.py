@@ -71,6 +71,13 @@ class Curve:
             place = _closest_on_conic(flat.quadric, place)
         return self.frame.from_scene(flat.origin + place @ flat.axes)
 
+    def segments(self, middle: Array, radius: float) -> Array:
+        """Return short segments along the part of the curve in a ball, shape (k, 2, 3) [m]."""
+        points = self.polyline(middle, radius)
+        pairs = np.stack([points[:-1], points[1:]], axis=1)
+        whole: Array = pairs[np.isfinite(pairs).all(axis=(1, 2))]
+        return whole
+
     def polyline(self, middle: Array, radius: float, count: int = 96) -> Array:
         """Return points along the part of the curve in a ball, shape (k, 3) [m]; NaN between two branches."""
         flat = self.flat
