@@ -74,6 +74,8 @@ def test_the_scene_file_that_a_page_builds_up_is_one(tmp_path, capsys):
     assert "transversal" in capsys.readouterr().out
     sections = yaml.safe_load(file.read_text("utf-8"))
     for node, kind in NODES.items():
+        if node == "arm_simulator":  # it needs the model of an object, not lines
+            continue
         kind.from_values(
             {
                 f"{group}.{name}" if isinstance(values, dict) else group: each
