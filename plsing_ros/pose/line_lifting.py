@@ -40,7 +40,8 @@ def lift_lines(lines_world: LineSet, estimate: PoseEstimate, observation: LineOb
         observation: Image lines.
 
     Returns:
-        Usable are the lines that the estimate rests on; those seen against their direction are turned round.
+        Usable are the lines that the estimate rests on, which may be none of this image's; those seen against their
+        direction are turned round.
 
     Raises:
         ObservationError: If the estimate has no pose.
@@ -50,10 +51,11 @@ def lift_lines(lines_world: LineSet, estimate: PoseEstimate, observation: LineOb
     usable = np.array([i in estimate.used_ids for i in observation.ids], dtype=bool)
     sign = np.array([-1.0 if i in estimate.reversed_ids else 1.0 for i in observation.ids])
     row_of = {i: row for row, i in enumerate(lines_world.ids)}
-    seen = lines_world.select([row_of[i] for i in observation.ids if i in estimate.used_ids])
+    rows = [row_of[i] for i in observation.ids if i in estimate.used_ids]
+    T_camera_world = estimate.T_world_camera.inverse()
     return LineObservation(
         observation.ids,
         observation.image_lines * sign[:, np.newaxis],
         usable,
-        seen.transformed(estimate.T_world_camera.inverse(), "camera"),
+        lines_world.select(rows).transformed(T_camera_world, "camera") if rows else None,
     )

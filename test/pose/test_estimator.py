@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -250,6 +252,14 @@ def test_completed_lines_are_those_of_the_pose():
     true = lines.select([0, 1, 2, 3, 5, 6]).transformed(pose.inverse(), "camera")
     np.testing.assert_allclose(completed.lines_camera.direction, true.direction, atol=1e-6)
     np.testing.assert_allclose(completed.lines_camera.moment, true.moment, atol=1e-5)
+
+
+def test_nothing_is_lifted_by_a_pose_that_rests_on_no_line_of_the_image():
+    """As of a filter that dead-reckons: the pose is known, and every line of the image was left out."""
+    seen = image_of(PAPER, AWAY)
+    estimate = replace(PoseEstimator(PAPER).estimate(seen), used_ids=())
+    completed = lift_lines(PAPER, estimate, seen)
+    assert completed.usable_ids == () and completed.lines_camera is None
 
 
 def test_without_a_pose_nothing_is_completed():
