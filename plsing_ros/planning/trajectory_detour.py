@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A trajectory that a target follows, changed where it comes near singular loci: a path round is put in its place."""
+"""A trajectory that a target follows, changed where it comes near singular loci: a path round is put in its place.
+
+Where T* comes nearer than the margin M to a locus, it is left at the last time before, t0, and joined again at the
+first time after, t1, at which it is c M away from all of them, or at the farthest place there is. The share of the path
+that is done at t is that of the trajectory's own length, l(t0, t) / l(t0, t1), so that velocity jumps at t0 and t1. A
+camera that begins elsewhere gets a path to the first place where it can be as soon as the target.
+"""
 
 from __future__ import annotations
 
