@@ -15,8 +15,8 @@ _LENGTH = 0.3
 # Singular values of the Jacobian in these units, below which a direction is damped, and the damping at zero.
 _ONSET = 0.04
 _DAMPING = 0.04
-# Less of what was asked for than this is worth a sentence.
-_SHARE = 0.9
+# More that is missed of a twist than this share of it is worth a sentence.
+_MISSED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +53,8 @@ def follow_twist(arm: Arm, joints: Array, twist: Array, max_speed: float, durati
     amplitudes = left.T @ (weights * twist)
     speeds = right.T @ (values / (values**2 + damping) * amplitudes)
     reasons = []
-    asked = float(np.linalg.norm(amplitudes))
-    carried = values**2 / (values**2 + damping) * amplitudes
-    if float(np.linalg.norm(carried)) < _SHARE * asked:
+    missed = damping / (values**2 + damping) * amplitudes
+    if float(np.linalg.norm(missed)) > _MISSED * float(np.linalg.norm(amplitudes)):
         reasons.append("the arm is near a singularity of its own and moves less than asked")
     fastest = float(np.abs(speeds).max())
     if fastest > max_speed:
