@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The three nodes together, in lockstep over real topics, against two independent implementations' results."""
 
-
 import numpy as np
 import pytest
 from builders import plain_twist, start_pose
