@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The same results on one process, on several, and on a cluster that loses a worker."""
 
+import contextlib
+import io
 import json
 import os
 import signal
@@ -12,7 +14,9 @@ import plsing_ros as pl
 from plsing_ros.analysis import line_selection, parallel
 from plsing_ros.analysis.checkpoint import Checkpoint
 from plsing_ros.analysis.parallel import SchedulerError, Workers, run_tasks
+from plsing_ros.cli import evaluate
 from plsing_ros.cli.survey import survey_chunk
+from plsing_ros.parameters.config_files import config_file
 
 TASKS = [(7, chunk, 300) for chunk in range(6)]
 
@@ -99,6 +103,47 @@ def test_lines_are_chosen_alike_by_one_process_by_two_and_by_a_cluster_that_lose
     assert len({each["task"] for each in kept[1:]}) == len(whole) - 1
     monkeypatch.setattr(line_selection, "run_search_task", None)
     assert choose(resume=tmp_path) == expected
+
+
+def evaluate_file(*options):
+    """Return the answer of `evaluate` with few runs, as JSON."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        evaluate.main(
+            [
+                str(config_file("small_object.yaml")),
+                "--runs",
+                "2",
+                "--maps",
+                "2",
+                "--laws",
+                "position",
+                "--json",
+                *options,
+            ]
+        )
+    return out.getvalue()
+
+
+def test_an_evaluation_on_a_cluster_that_loses_a_worker_is_that_of_one_process(tmp_path, monkeypatch):
+    """With a cluster of its own, so that both workers are alive when it begins."""
+    from distributed import LocalCluster
+
+    expected = evaluate_file("--processes", "1", "--output", str(tmp_path / "one"))
+    assert len(json.loads(expected)["laws"]) == 2
+    killed = []
+    add = Checkpoint.add
+
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+
+        def add_and_kill(*args):
+            add(*args)
+            if not killed:
+                killed.append(kill_a_worker(cluster))
+
+        monkeypatch.setattr(Checkpoint, "add", add_and_kill)
+        found = evaluate_file("--scheduler", cluster.scheduler_address, "--output", str(tmp_path / "many"))
+    assert killed and found == expected
 
 
 def test_a_file_of_something_else_is_left_alone(tmp_path):

@@ -288,7 +288,7 @@ def test_without_autostart_it_waits_for_its_transitions_and_ends_at_a_signal(ros
     assert process.wait(30.0) == 0, output_of(process)
 
 
-@pytest.mark.parametrize("name", [*NODES, "demo", "analyze"])
+@pytest.mark.parametrize("name", [*NODES, "demo", "analyze", "evaluate", "replay", "select_lines", "survey"])
 def test_help_has_examples_and_is_quick_to_tell(start, name):
     process = start(name, "--help")
     assert process.wait(30.0) == 0
