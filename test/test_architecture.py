@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import plsing_ros
+from plsing_ros.cli.parameter_files import NODES
 
 ROOT = Path(plsing_ros.__file__).resolve().parent
 FILES = sorted(ROOT.rglob("*.py"))
@@ -35,6 +36,8 @@ ORDER = [
     "testing",
     "cli",
 ]
+CORE = set(ORDER[: ORDER.index("simulation")]) - {"parameters"}
+FILE_READERS = {"scene_file.py", "model_files.py", "yaml_file.py"}
 TOP_LEVEL = {"errors", "arrays", "levels", "stamp_filter"}
 
 
@@ -121,6 +124,22 @@ def test_no_module_imports_itself_round_about():
     sys.setrecursionlimit(10_000)
     for name in MODULES:
         visit(name)
+
+
+def test_the_core_knows_no_parameter_by_its_name_with_dots():
+    """Files of scenes and models have such names as their keys."""
+    dotted = {name for kind in NODES.values() for name in kind.specifications() if "." in name}
+    assert len(dotted) > 100
+    for file in FILES:
+        if room_of(file) not in CORE or file.name in FILE_READERS:
+            continue
+        tree = ast.parse(file.read_text())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+                node.value.value = ""  # a docstring, which may say what a parameter is called
+        strings = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+        words = {word.strip("'\"`():;,") for text in strings if isinstance(text, str) for word in text.split()}
+        assert not words & dotted and not any(word.endswith(".*") for word in words), file
 
 
 def test_nodes_and_core_share_no_class_names():

@@ -78,7 +78,7 @@ class PoseLaws:
         if target.lines is None:
             raise ObservationError(
                 "the laws position and fused need the target's 3-D lines: directions and moments of "
-                "desired_line_features, or target.source = pose"
+                "desired_line_features, or a target pose"
             )
         self._target, self._lines = target, target.lines
         # Of the lines seen last, which seldom change.

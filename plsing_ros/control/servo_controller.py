@@ -204,7 +204,7 @@ class ServoController:
             ObservationError: If the scene, or where the camera is, is not known.
         """
         if self._loci is None:
-            raise ObservationError("no scene given (parameters lines.*), so the loci are not known")
+            raise ObservationError("no scene is given, so the loci are not known")
         if start is None and self._seen is not None:
             start = self._loci.camera_pose(self._seen)
         if start is None:
@@ -411,7 +411,7 @@ class ServoController:
             near = "" if self._loci is None or pose is None else self._loci.nearest_text(pose.translation)
             self._refused = (
                 f"the target is at a singularity: its inverse condition number {condition:.3g} is below "
-                f"target.min_inverse_condition_number {parameters.min_target_condition:g}{near}"
+                f"the smallest allowed for a target, {parameters.min_target_condition:g}{near}"
             )
         elif condition <= parameters.pinv_threshold:
             self.warning = (
@@ -450,7 +450,7 @@ def _reaction(verdict: LinesVerdict, parameters: ControllerParameters) -> str:
 
 def _unknown_text(unknown: tuple[int, ...]) -> str:
     ids = ", ".join(map(str, unknown))
-    return f"line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene (lines.ids): left out"
+    return f"line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene: left out"
 
 
 def _with_note(command: Command, note: str) -> Command:

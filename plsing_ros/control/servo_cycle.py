@@ -141,7 +141,7 @@ class ServoCycle:
 
     def _along_the_path(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
         if self._path is None:
-            raise ObservationError("law = detour needs the scene (lines.*) and a target with 3-D lines that fit it")
+            raise ObservationError("the law detour needs the scene and a target with 3-D lines that fit it")
         found = self._path.reference(self.parameters, lines, image, stamp, self._factor)
         if found is None:
             self._factor, self._spread = 0.0, None

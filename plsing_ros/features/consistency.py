@@ -84,7 +84,7 @@ class ConsistencyCheck:
         if observation.lines_camera is None:
             return "image lines without 3-D lines cannot be checked: only pose_estimator can tell whether they fit"
         if self._scene is None:
-            return "features are not checked against a scene: lines.* is not given"
+            return "features are not checked against a scene: none is given"
         if observation.lines_source:
             return (
                 "image lines are not checked against 3-D lines, which were computed from them: only pose_estimator can"

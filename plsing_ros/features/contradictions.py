@@ -224,7 +224,7 @@ class Explanations:
                 return None
             return (
                 f"line {ids[0]} is not where the scene has it, while the other {len(others)} lines fit; "
-                "check its id, its direction's sign and lines.*"
+                "check its id, its direction's sign and the scene"
             )
         if kind == "reversed":
             sign = np.ones((len(seen), 1))
@@ -321,17 +321,17 @@ def _no_pose_text(expected: LineSet, seen: LineSet, allowed: Allowed) -> str:
     try:
         pose = align_lines(expected, seen).T_world_camera
     except GeometryError:
-        return "no camera pose explains the 3-D lines; check ids, directions' signs and lines.*"
+        return "no camera pose explains the 3-D lines; check ids, directions' signs and the scene"
     fit = fit_of(expected, seen, pose, allowed)
     return (
         f"no camera pose explains the 3-D lines: at the best one line {seen.ids[fit.worst]} is still "
-        f"{math.degrees(fit.angle):.3g} degrees and {fit.offset:.3g} m off; check ids, directions' signs and lines.*"
+        f"{math.degrees(fit.angle):.3g} degrees and {fit.offset:.3g} m off; check ids, directions' signs and the scene"
     )
 
 
 def _reversed_text(ids: tuple[int, ...], rows: object) -> str:
     return (
-        f"{_lines(ids, rows)} reversed with respect to the scene: the direction's sign must agree with lines.directions"
+        f"{_lines(ids, rows)} reversed with respect to the scene: the sign of its direction must agree with the scene's"
     )
 
 

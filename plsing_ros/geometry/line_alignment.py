@@ -137,5 +137,5 @@ def refuse_reversed(ids: tuple[int, ...]) -> None:
         several = len(ids) > 1
         raise ObservationError(
             f"line{'s' if several else ''} {', '.join(map(str, ids))} {'are' if several else 'is'} reversed "
-            "with respect to the scene: the direction's sign must agree with lines.directions"
+            "with respect to the scene: the sign of its direction must agree with the scene's"
         )

@@ -409,7 +409,7 @@ class SingularityMonitor:
             return observation, ""
         ids = ", ".join(map(str, unknown))
         kept = observation.select([row for row, i in enumerate(observation.ids) if i not in unknown])
-        return kept, f"; line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene (lines.ids): left out"
+        return kept, f"; line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene: left out"
 
     def _hold_or_refuse(self, reason: str, stamp: int, observation: LineObservation) -> Assessment:
         """Return what was said last while lines are missing for a few frames, else UNOBSERVABLE."""

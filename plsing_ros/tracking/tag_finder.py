@@ -35,7 +35,7 @@ class TagFinder:
             aruco: Any = self._cv.aruco
         except (ImportError, AttributeError):
             raise ParameterError(
-                "a tag (parameter 'tag.family') needs OpenCV with its module aruco: sudo apt install python3-opencv "
+                "a tag needs OpenCV with its module aruco: sudo apt install python3-opencv "
                 "or pip install opencv-python-headless"
             ) from None
         name = getattr(aruco, FAMILIES[tag.family])
@@ -52,9 +52,7 @@ class TagFinder:
         )
         count = len(dictionary.bytesList)
         if tag.number >= count:
-            raise ParameterError(
-                f"parameter 'tag.id' is {tag.number}; the family {tag.family} has the tags 0 to {count - 1}"
-            )
+            raise ParameterError(f"the tag's id is {tag.number}; the family {tag.family} has the tags 0 to {count - 1}")
 
     def find(self, image: Image, camera: PinholeCamera) -> list[Pose]:
         """Return T_world_camera, the likeliest first; of a small tag two poses look nearly the same.

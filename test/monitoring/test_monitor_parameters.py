@@ -230,7 +230,7 @@ def scene_renamed(rig):
     assert rig.level() is Level.OK
     rig.set({"lines.ids": [1, 2, 3, 5]})
     found = rig.see()
-    assert found.line_count == 3 and "line id 4 not in the scene (lines.ids): left out" in found.reason
+    assert found.line_count == 3 and "line id 4 not in the scene: left out" in found.reason
 
 
 def target_moved(rig):

@@ -89,7 +89,7 @@ def test_a_stream_that_is_refused_is_one_state_one_alert_and_one_line(loop):
 def test_a_line_that_is_not_in_the_scene_is_left_out_and_said(loop):
     status = loop.status_at(CALM, change(ids=[1, 2, 3, 77]))
     assert status.line_count == 3
-    assert "line id 77 not in the scene (lines.ids): left out" in status.reason
+    assert "line id 77 not in the scene: left out" in status.reason
 
 
 def test_lines_in_another_order_are_the_same_lines(loop):
