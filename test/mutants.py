@@ -56,8 +56,8 @@ MUTANTS = {
     "contradictions": Mutant(
         "features that contradict themselves, the scene or a pose are refused",
         "features/consistency.py",
-        r"return _core\.are_consistent\(image, lines\.direction, lines\.moment, \*expected, \*self\._sure\)",
-        "return True",
+        r"        if told is None:\n            return _core",
+        "        return True\n        if told is None:\n            return _core",
         "test/features/test_consistency.py",
     ),
     "hysteresis": Mutant(

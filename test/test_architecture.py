@@ -2,10 +2,12 @@
 """The rules of the house that a folder listing promises, read off the imports."""
 
 import ast
+import re
 import sys
 from pathlib import Path
 
 import pytest
+from mutants import MUTANTS
 
 import plsing_ros
 from plsing_ros.cli.parameter_files import NODES
@@ -149,3 +151,11 @@ def test_nodes_and_core_share_no_class_names():
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places.setdefault(node.name, []).append(file.relative_to(ROOT))
     assert {name: files for name, files in places.items() if len(files) > 1} == {}
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+def test_each_mutant_still_has_its_place(name):
+    mutant = MUTANTS[name]
+    text = (ROOT / mutant.file).read_text()
+    changed, count = re.subn(mutant.pattern, mutant.replacement, text)
+    assert count == 1 and changed != text
