@@ -116,7 +116,7 @@ class FilterTrack:
         room = _MAX_PARTS - len(self._parts)
         found: list[tuple[float, BankUpdate]] = []
         for part in self._parts:
-            of_part = self._split(seen, agreement, part, min(_MAX_SPLITS, room // 2))
+            of_part = self._split(seen, agreement, part, max(0, min(_MAX_SPLITS, room // 2)))
             room -= max(0, len(of_part) - 1)
             found += of_part
         return found

@@ -16,7 +16,7 @@ from plsing_ros.errors import GeometryError, ObservationError, ParameterError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import FilterParameters
-from plsing_ros.pose import PoseFilter, Verdict
+from plsing_ros.pose import PoseFilter, Verdict, filter_track
 from plsing_ros.pose.twist_history import TwistHistory
 from plsing_ros.singularities import singular_set
 
@@ -330,3 +330,14 @@ def test_twists_fill_a_time_without_gap_or_overlap(steps, start, length, latency
             assert (twist is None) == (not holding)
             assert twist is None or twist[0] == holding[-1]
         now += duration
+
+
+def test_a_track_never_has_more_parts_than_allowed_however_far_from_linear_images_are(monkeypatch):
+    monkeypatch.setattr(filter_track, "_MAX_NONLINEARITY", 0.0)
+    generator = np.random.default_rng(3)
+    poses, twist = crossing(generator, 12)
+    wide = FilterParameters(noise_image=NOISE, max_position_deviation=1e-9)
+    pose_filter = PoseFilter(LINES, wide, **off(poses[0], generator, 0.2, 0.1))
+    for estimate in follow(pose_filter, poses, twist, generator):
+        assert estimate.pose is not None
+        assert all(len(track._parts) <= filter_track._MAX_PARTS for track in pose_filter._tracks)
