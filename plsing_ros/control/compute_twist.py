@@ -70,7 +70,7 @@ def compute_twist(
     Args:
         parameters: The law and its options.
         interaction: L at the current features, shape (3n, 6).
-        image: s, shape (3n,).
+        image: Image lines of the 3-D lines that L is taken at, shape (3n,).
         error: s - s*, shape (3n,).
         integral: To be added to the error, shape (3n,), or None.
         view: The target, or where the path is, seen through the same lines and degrees of freedom.
@@ -168,15 +168,20 @@ def _guarded(
     return limited @ solution.right, smallest / onset
 
 
+def law_interaction(parameters: ControllerParameters, view: TargetView) -> str:
+    """Return which L is inverted: "current", "target" or "mean"."""
+    if parameters.interaction != "auto":
+        return parameters.interaction
+    return _AUTO.get(parameters.law, "current") if view.interaction is not None else "current"
+
+
 def inverted_matrix(parameters: ControllerParameters, current: Array, image: Array, view: TargetView) -> Array:
     """Return the L that is inverted: the current one, the target's, or the mean of both.
 
     Raises:
         ObservationError: If the law needs L at the target, which is not known.
     """
-    which = parameters.interaction
-    if which == "auto":
-        which = _AUTO.get(parameters.law, "current") if view.interaction is not None else "current"
+    which = law_interaction(parameters, view)
     if which == "current":
         return current
     if view.interaction is None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command, Mode
-from plsing_ros.control.compute_twist import LawTwist, compute_twist
+from plsing_ros.control.compute_twist import LawTwist, compute_twist, law_interaction
 from plsing_ros.control.gain import law_gain
 from plsing_ros.control.guard import guarded_scale
 from plsing_ros.control.integral import ErrorIntegral
@@ -23,7 +23,13 @@ from plsing_ros.control.stall import StallWatch
 from plsing_ros.control.tool import tool_twist
 from plsing_ros.control.twist_covariance import image_twist_covariance
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import decompose_interaction, feature_error, interaction_matrix, smallest_over_largest
+from plsing_ros.features import (
+    decompose_interaction,
+    feature_error,
+    interaction_matrix,
+    project_lines,
+    smallest_over_largest,
+)
 from plsing_ros.features.target import MINIMUM_LINES, Target, TargetView
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
@@ -212,8 +218,10 @@ class ServoCycle:
         view = target.view(lines.ids, parameters.columns)
         error, error_norm = feature_error(image, view.image)
         integral = self._integrated(error, lines.ids, stamp)
-        asked = compute_twist(parameters, interaction_matrix(lines), image, error, integral, view, displacement)
-        self._spread = partial(_image_spread, parameters, lines, image, view, self._errors)
+        # Where L is taken: at noisy image lines the mean of L and L* would see errors that no motion makes.
+        here = image if law_interaction(parameters, view) != "mean" else project_lines(lines)
+        asked = compute_twist(parameters, interaction_matrix(lines), here, error, integral, view, displacement)
+        self._spread = partial(_image_spread, parameters, lines, here, view, self._errors)
         return self._within_limits(lines, asked, error_norm, reference, trust, stamp)
 
     def _within_limits(

@@ -48,8 +48,18 @@ def task_of(parameters, loop, **others):
     return RolloutTask(LINES, TARGET, RolloutLaw.of_parameters(parameters), loop, loci=LOCI, **others)
 
 
-def controller_twist(servo, camera, stamp=10**9):
-    return servo.answer(LineObservation.of_lines(LINES.transformed(camera.inverse(), "camera")), stamp, stamp).twist
+def seen_from(camera, noise=None):
+    """What the camera sees, with errors of the angles and offsets of its image lines, shape (n, 2)."""
+    seen = LineObservation.of_lines(LINES.transformed(camera.inverse(), "camera"))
+    if noise is None:
+        return seen
+    angle = np.arctan2(seen.image_lines[:, 1], seen.image_lines[:, 0]) + noise[:, 0]
+    image = np.column_stack([np.cos(angle), np.sin(angle), seen.image_lines[:, 2] + noise[:, 1]])
+    return dataclasses.replace(seen, image_lines=image)
+
+
+def controller_twist(servo, camera, stamp=10**9, noise=None):
+    return servo.answer(seen_from(camera, noise), stamp, stamp).twist
 
 
 def offset_pose(turn, shift):
@@ -69,18 +79,18 @@ ANYWHERE = st.builds(offset_pose, vectors(3, -1.0, 1.0), vectors(3, -2.0, 2.0))
 
 
 @pytest.mark.parametrize(("law", "interaction"), LAWS)
-@given(camera=ANYWHERE | NEAR_TRANSVERSAL)
-def test_twists_are_those_of_the_controller(law, interaction, camera):
+@given(camera=ANYWHERE | NEAR_TRANSVERSAL, noise=st.just(np.zeros(10)) | vectors(10, -0.01, 0.01))
+def test_twists_are_those_of_the_controller(law, interaction, camera, noise):
     parameters = controller_parameters(law, interaction)
     seen = LINES.transformed(camera.inverse(), "camera")
     assume(np.hypot(*seen.moment[:, :2].T).min() > 1e-3)
     # What rounding leaves of least squares near a singularity is its condition times that of the machine, squared.
     assume(1.0 / np.linalg.cond(interaction_matrix(seen)) > 1e-6)
     try:
-        expected = controller_twist(ServoController.from_parameters(parameters), camera)
+        expected = controller_twist(ServoController.from_parameters(parameters), camera, noise=noise.reshape(-1, 2))
     except ObservationError:
         assume(False)
-    found = task_of(parameters, LoopModel()).twist(camera)
+    found = task_of(parameters, LoopModel()).twist(camera, seen_from(camera, noise.reshape(-1, 2)).image_lines)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * max(1.0, np.abs(expected).max()))
 
 
