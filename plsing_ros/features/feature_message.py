@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -51,18 +50,6 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
                 f"field '{name}' of the feature message has {len(getattr(message, name))} numbers for {n} lines; "
                 f"expected {' or '.join(map(str, allowed))}"
             )
-    visible = np.array(message.visible, dtype=bool) if len(message.visible) else np.ones(n, dtype=bool)
-    observation = LineObservation.from_rows(
-        tuple(message.ids),
-        np.frombuffer(message.image_lines).reshape(-1, 3),
-        _rows(message.directions),
-        _rows(message.moments),
-        visible,
-        frame,
-        _rows(covariances),
-    )
-    if message.lines_verdict == LinesVerdict.GIVEN:
-        return observation
     try:
         verdict = LinesVerdict(message.lines_verdict)
     except ValueError:
@@ -70,9 +57,19 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
             f"field 'lines_verdict' of the feature message is {message.lines_verdict}; allowed: 0 to "
             f"{max(LinesVerdict)}"
         ) from None
-    source = getattr(message, "lines_source", "")
-    reason = sender_text(message.lines_reason)
-    return dataclasses.replace(observation, verdict=verdict, verdict_reason=reason, lines_source=source)
+    given = verdict is LinesVerdict.GIVEN
+    return LineObservation.from_rows(
+        tuple(message.ids),
+        np.frombuffer(message.image_lines).reshape(-1, 3),
+        _rows(message.directions),
+        _rows(message.moments),
+        np.array(message.visible, dtype=bool) if len(message.visible) else np.ones(n, dtype=bool),
+        frame,
+        _rows(covariances),
+        verdict,
+        "" if given else sender_text(message.lines_reason),
+        "" if given else getattr(message, "lines_source", ""),
+    )
 
 
 def sender_text(text: str) -> str:

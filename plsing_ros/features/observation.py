@@ -182,6 +182,9 @@ class LineObservation:
         visible: BoolArray,
         frame: str,
         covariances: Array | None = None,
+        verdict: LinesVerdict = LinesVerdict.GIVEN,
+        verdict_reason: str = "",
+        lines_source: str = "",
     ) -> LineObservation:
         """Build an observation from rows as a message has them, 3-D rows of unusable lines included.
 
@@ -193,13 +196,17 @@ class LineObservation:
             visible: Which rows may be used, shape (n,).
             frame: Name of the camera's optical frame.
             covariances: Of image lines, as for the class, shape (n, 3), or None.
+            verdict: As for the class.
+            verdict_reason: Likewise.
+            lines_source: Likewise.
 
         Raises:
             ObservationError: As for the class, and if a 3-D line is not one.
         """
+        said = (verdict, verdict_reason, lines_source, covariances)
         count = np.count_nonzero(visible)
         if directions is None or moments is None or count == 0:
-            return cls(ids, image_lines, visible, None, covariances=covariances)
+            return cls(ids, image_lines, visible, None, *said)
         try:
             if count == len(visible):
                 seen = LineSet(directions, moments, frame, ids)
@@ -211,12 +218,12 @@ class LineObservation:
                 seen_ids = tuple(i for i, use in zip(ids, visible, strict=True) if use)
                 seen = LineSet(directions[visible], moments[visible], frame, seen_ids)
             if have_images(seen):
-                return cls(ids, image_lines, visible, seen, covariances=covariances)
+                return cls(ids, image_lines, visible, seen, *said)
             # A camera centre on a line: the publisher may not have noticed.
             usable, degenerate = np.array(visible), degenerate_projections(seen)
             usable[np.flatnonzero(visible)[degenerate]] = False
             kept = np.flatnonzero(~degenerate)
-            return cls(ids, image_lines, usable, seen.select(kept) if len(kept) else None, covariances=covariances)
+            return cls(ids, image_lines, usable, seen.select(kept) if len(kept) else None, *said)
         except ObservationError:
             raise
         except PlsingError as error:

@@ -99,7 +99,7 @@ class RiskPredictor:
     """Rolls out the loop again and again, in the place of the caller or in an executor, and keeps the latest answer."""
 
     def __init__(self, executor: Executor | None = None) -> None:
-        """Begin; without an executor answers are made where they are asked for."""
+        """Begin; without an executor answers are made where they are asked for, else when begin_rollout is called."""
         self._executor = executor
         self._clock = RunClock()
         self._seed = 0
@@ -111,6 +111,7 @@ class RiskPredictor:
         self._clock.restart()
         self._commands: list[tuple[int, Array]] = []
         self._latest: Risk | None = None
+        self._due: Callable[[], _Answer | None] | None = None
         self._pending: Future[_Answer | None] | None = None
         self._asked: int | None = None
         self._run = 0
@@ -123,7 +124,7 @@ class RiskPredictor:
     @property
     def is_awaited(self) -> bool:
         """Whether an answer is being made."""
-        return self._pending is not None
+        return self._pending is not None or self._due is not None
 
     @property
     def other_law(self) -> str:
@@ -181,7 +182,7 @@ class RiskPredictor:
         period = round(parameters.prediction_period * _SECOND)
         due = self._asked is None or not 0 <= stamp - self._asked < period
         elapsed = self._clock.update(stamp, pose, T_world_target, parameters.degrees_of_freedom)
-        if due and self._pending is None:
+        if due and not self.is_awaited:
             if self._run != self._clock.run:
                 self._run, self._evidence = self._clock.run, Evidence()
             self._asked = stamp
@@ -250,13 +251,19 @@ class RiskPredictor:
         steps = np.diff(self._stamps)
         return float(np.clip(np.median(steps) / _SECOND, 1e-3, 1.0)) if len(steps) else FRAME_PERIOD
 
+    def begin_rollout(self) -> None:
+        """Hand over the roll-out that is due, if any, to the executor."""
+        answer, self._due = self._due, None
+        if answer is not None and self._executor is not None:
+            # An executor that is shut down takes nothing any more: the node is about to end.
+            with contextlib.suppress(RuntimeError):
+                self._pending = self._executor.submit(answer)
+
     def _submit(self, answer: Callable[[], _Answer | None]) -> None:
         if self._executor is None:
             self._take(answer())
         else:
-            # An executor that is shut down takes nothing any more: the node is about to end.
-            with contextlib.suppress(RuntimeError):
-                self._pending = self._executor.submit(answer)
+            self._due = answer
 
     def _collect(self) -> None:
         if self._pending is not None and self._pending.done():

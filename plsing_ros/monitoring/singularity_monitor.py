@@ -79,7 +79,12 @@ class SingularityMonitor:
 
     @classmethod
     def from_parameters(cls, parameters: MonitorParameters, executor: Executor | None = None) -> SingularityMonitor:
-        """Return a monitor with the parameters of a node, whose roll-outs are made in an executor if there is one."""
+        """Return a monitor with the parameters of a node.
+
+        Args:
+            parameters: In force.
+            executor: Makes the roll-outs, each when begin_rollout is called; None: they are made within `answer`.
+        """
         monitor = cls.__new__(cls)
         monitor._start(parameters, executor)
         return monitor
@@ -201,6 +206,10 @@ class SingularityMonitor:
     def receive_controller(self, law: str, gain: float) -> None:
         """Take the law and lambda [1/s] that the controller says are in force."""
         self._risk.receive_controller(law, gain)
+
+    def begin_rollout(self) -> None:
+        """Hand over the roll-out that the latest answer asked for, if any, to the executor."""
+        self._risk.begin_rollout()
 
     def assess(
         self,

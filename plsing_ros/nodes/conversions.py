@@ -21,7 +21,7 @@ from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command
 from plsing_ros.errors import GeometryError
-from plsing_ros.features import LineObservation
+from plsing_ros.features import Conditioning, LineObservation
 from plsing_ros.features.feature_message import observation_from_message as observation_from_message
 from plsing_ros.features.feature_message import sender_text
 from plsing_ros.geometry.pose import checked_twist
@@ -31,6 +31,7 @@ from plsing_ros.monitoring.risk import Risk
 from plsing_ros.singularities import Kind, LocusDistance, Proximity, SingularSet
 
 _SECOND = 1_000_000_000
+_NO_NUMBERS = array.array("d")
 LOCUS_KINDS = {
     Kind.TRANSVERSAL: LocusDistanceMessage.KIND_TRANSVERSAL,
     Kind.ISOLATED_POINT: LocusDistanceMessage.KIND_ISOLATED_POINT,
@@ -165,68 +166,82 @@ def controller_state_message(
 
 def status_message(assessment: Assessment, singular: SingularSet, frame: str) -> SingularityStatus:
     """Return the status of an assessment; what is not known is flagged and zero."""
-    message = SingularityStatus(
-        header=header(assessment.stamp, frame),
-        level=int(assessment.level),
-        reason=assessment.reason,
-        line_count=assessment.line_count,
-        nearest=locus_distance_message(assessment.nearest, singular.lines.frame),
-        trend=int(assessment.trend),
-        position_source=assessment.position_source,
-        unobservable_motion_text=assessment.unobservable_motion_text,
-    )
-    if assessment.target_inverse_condition_number is not None:
-        message.target_valid = True
-        message.target_inverse_condition_number = assessment.target_inverse_condition_number
-    if assessment.time_to_critical is not None:
-        message.time_to_critical_valid = True
-        message.time_to_critical = assessment.time_to_critical
-    if assessment.approach is not None:
-        message.approach_valid = True
-        message.approach_locus = assessment.approach.name
-        message.approach_distance = assessment.approach.distance
-        message.time_to_approach = assessment.approach.time
-    numbers = assessment.conditioning
-    if numbers is not None:
-        message.inverse_condition_number = numbers.inverse_condition_number
-        message.scaled_inverse_condition_number = numbers.scaled_inverse_condition_number
-        message.characteristic_length = numbers.characteristic_length
-        message.singular_values = flat(numbers.singular_values)
-        message.unobservable_motion_valid = True
-        message.unobservable_motion = twist_message(numbers.least_observable_direction)
-    if assessment.inverse_condition_number_rate is not None:
-        message.rate_valid = True
-        message.inverse_condition_number_rate = assessment.inverse_condition_number_rate
-    if assessment.locus_distances is not None:
-        message.distances_valid = True
-        message.locus_names = list(singular.locus_names)
-        message.locus_distances = flat(assessment.locus_distances)
-    if assessment.proximity is not None:
-        _add_proximity(message, assessment.proximity)
-    if assessment.risk is not None:
-        _fill_risk(message, assessment.risk, assessment.stamp)
+    message = SingularityStatus()
+    fill_status(message, assessment, singular, frame)
     return message
 
 
-def _add_proximity(message: SingularityStatus, near: Proximity) -> None:
+def fill_status(message: SingularityStatus, assessment: Assessment, singular: SingularSet, frame: str) -> None:
+    """Write the status of an assessment into a message, whatever was in it before."""
+    fill_stamp(message.header.stamp, assessment.stamp)
+    message.header.frame_id = frame
+    message.level = int(assessment.level)
+    message.reason = assessment.reason
+    message.line_count = assessment.line_count
+    message.trend = int(assessment.trend)
+    message.position_source = assessment.position_source
+    message.unobservable_motion_text = assessment.unobservable_motion_text
+    _fill_locus_distance(message.nearest, assessment.nearest, singular.lines.frame)
+    target, time, rate = (
+        assessment.target_inverse_condition_number,
+        assessment.time_to_critical,
+        assessment.inverse_condition_number_rate,
+    )
+    message.target_valid, message.target_inverse_condition_number = target is not None, target or 0.0
+    message.time_to_critical_valid, message.time_to_critical = time is not None, time or 0.0
+    message.rate_valid, message.inverse_condition_number_rate = rate is not None, rate or 0.0
+    approach = assessment.approach
+    message.approach_valid = approach is not None
+    message.approach_locus, message.approach_distance, message.time_to_approach = (
+        ("", 0.0, 0.0) if approach is None else (approach.name, approach.distance, approach.time)
+    )
+    distances = assessment.locus_distances
+    message.distances_valid = distances is not None
+    message.locus_names = [] if distances is None else list(singular.locus_names)
+    message.locus_distances = _NO_NUMBERS if distances is None else flat(distances)
+    _fill_conditioning(message, assessment.conditioning)
+    _fill_proximity(message, assessment.proximity)
+    _fill_risk(message, assessment.risk, assessment.stamp)
+
+
+def _fill_conditioning(message: SingularityStatus, numbers: Conditioning | None) -> None:
+    message.unobservable_motion_valid = numbers is not None
+    if numbers is None:
+        message.inverse_condition_number = message.scaled_inverse_condition_number = 0.0
+        message.characteristic_length = 0.0
+        message.singular_values = _NO_NUMBERS
+        fill_twist(message.unobservable_motion, np.zeros(6))
+        return
+    message.inverse_condition_number = numbers.inverse_condition_number
+    message.scaled_inverse_condition_number = numbers.scaled_inverse_condition_number
+    message.characteristic_length = numbers.characteristic_length
+    message.singular_values = flat(numbers.singular_values)
+    fill_twist(message.unobservable_motion, numbers.least_observable_direction)
+
+
+def _fill_proximity(message: SingularityStatus, near: Proximity | None) -> None:
     """Fill in how near the camera is to a singular centre; what is infinite is flagged and zero."""
-    message.proximity_valid = math.isfinite(near.distance)
-    if message.proximity_valid:
-        message.singular_distance, message.relative_condition = near.distance, near.relative_condition
-    if near.z is not None and math.isfinite(near.z):
-        message.has_z, message.z = True, near.z
-    if math.isfinite(near.position_std) and math.isfinite(near.rotation_std):
-        message.precision_valid = True
-        message.position_std, message.rotation_std = near.position_std, near.rotation_std
+    known = near is not None and math.isfinite(near.distance)
+    message.proximity_valid = known
+    message.singular_distance, message.relative_condition = (
+        (near.distance, near.relative_condition) if near is not None and known else (0.0, 0.0)
+    )
+    z = None if near is None else near.z
+    message.has_z, message.z = (True, z) if z is not None and math.isfinite(z) else (False, 0.0)
+    precise = near is not None and math.isfinite(near.position_std) and math.isfinite(near.rotation_std)
+    message.precision_valid = precise
+    message.position_std, message.rotation_std = (
+        (near.position_std, near.rotation_std) if near is not None and precise else (0.0, 0.0)
+    )
 
 
-def _fill_risk(message: SingularityStatus, risk: Risk, stamp: int) -> None:
-    message.risk_valid = True
-    message.risk, message.demand = risk.probability, risk.demand
-    message.harm, message.harm_text = int(risk.harm), risk.harm_text
-    if risk.time_to_harm is not None:
-        message.time_to_harm_valid = True
-        message.time_to_harm = max(risk.time_to_harm - (stamp - risk.stamp) / 1e9, 0.0)
+def _fill_risk(message: SingularityStatus, risk: Risk | None, stamp: int) -> None:
+    time = None if risk is None else risk.time_to_harm
+    message.risk_valid, message.time_to_harm_valid = risk is not None, time is not None
+    message.risk, message.demand, message.harm, message.harm_text = (
+        (0.0, 0.0, 0, "") if risk is None else (risk.probability, risk.demand, int(risk.harm), risk.harm_text)
+    )
+    message.time_to_harm = 0.0 if risk is None or time is None else max(time - (stamp - risk.stamp) / 1e9, 0.0)
 
 
 def alert_message(assessment: Assessment, previous: Level, frame: str, scene_frame: str) -> SingularityAlert:
@@ -244,12 +259,21 @@ def alert_message(assessment: Assessment, previous: Level, frame: str, scene_fra
 
 def locus_distance_message(nearest: LocusDistance | None, frame: str) -> LocusDistanceMessage:
     """Return the message of a distance in the scene's frame, of kind NONE if there is none."""
+    message = LocusDistanceMessage()
+    _fill_locus_distance(message, nearest, frame)
+    return message
+
+
+def _fill_locus_distance(message: LocusDistanceMessage, nearest: LocusDistance | None, frame: str) -> None:
     if nearest is None:
-        return LocusDistanceMessage(kind=LocusDistanceMessage.KIND_NONE)
-    return LocusDistanceMessage(
-        kind=LOCUS_KINDS[nearest.kind],
-        name=nearest.name,
-        distance=float(nearest.distance),
-        frame_id=frame,
-        closest_point=point_message(nearest.closest_point),
-    )
+        message.kind, message.name, message.distance, message.frame_id = LocusDistanceMessage.KIND_NONE, "", 0.0, ""
+        point = [0.0, 0.0, 0.0]
+    else:
+        message.kind, message.name, message.distance, message.frame_id = (
+            LOCUS_KINDS[nearest.kind],
+            nearest.name,
+            float(nearest.distance),
+            frame,
+        )
+        point = nearest.closest_point.tolist()
+    message.closest_point.x, message.closest_point.y, message.closest_point.z = point

@@ -21,6 +21,7 @@ from plsing_ros.monitoring.singularity_monitor import SingularityMonitor as Moni
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     alert_message,
+    fill_status,
     header,
     nanoseconds,
     observation_from_message,
@@ -56,6 +57,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         self._drawn: Assessment | None = None
         # The operator's word outlives what configure makes.
         self._enabled = True
+        self._message = SingularityStatus()
         self._status = self.advertise(SingularityStatus, "singularity_status", qos.STATUS)
         self._alerts = self.advertise(SingularityAlert, "singularity_alerts", qos.LATCHED)
         self._loci = self.advertise(SingularLoci, "singular_loci", qos.LATCHED)
@@ -145,6 +147,8 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
             assessment = self._monitor.unusable(str(error), stamp)
         if assessment is not None:
             self._publish(assessment)
+        # Only now: the thread of the roll-outs would take the interpreter from this callback.
+        self._monitor.begin_rollout()
         self._diagnostics.count(stamp)
 
     def _on_heartbeat(self) -> None:
@@ -172,7 +176,9 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
     def _publish(self, assessment: Assessment) -> None:
         previous, self._latest = self._latest, assessment
         if self._status.get_subscription_count():
-            self._status.publish(status_message(assessment, self._monitor.singular_set, self.parameters.camera_frame))
+            # One message for all: it is taken over before publish returns, and making one costs more than filling it.
+            fill_status(self._message, assessment, self._monitor.singular_set, self.parameters.camera_frame)
+            self._status.publish(self._message)
         if previous is not None and (previous.level, previous.kind) == (assessment.level, assessment.kind):
             return
         before = assessment.level if previous is None else previous.level
