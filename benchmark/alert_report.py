@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import beta
 
 from benchmark.alert_runs import Record
 from plsing_ros.levels import Level
@@ -36,6 +37,11 @@ def is_harmless(record: Record) -> bool:
     return not record.harm and record.demand_time is None
 
 
+def stood_still(record: Record) -> bool:
+    """Return whether nothing moved, and the monitor said from the first frame on that the camera sees too little."""
+    return record.first_level in (Level.STALE, Level.UNOBSERVABLE) and record.speed == 0.0
+
+
 def wilson(hits: int, total: int) -> tuple[float, float]:
     """Return the 95 % interval of a rate."""
     z, p = 1.96, hits / total
@@ -58,6 +64,15 @@ def conformal_threshold(harmless: np.ndarray, share: float) -> float:
     """
     k = math.ceil((len(harmless) + 1) * (1.0 - share))
     return math.inf if k > len(harmless) else float(np.sort(harmless)[k - 1])
+
+
+def exceeded(count: int, share: float) -> float:
+    """Return the share of harmless runs that exceeds a conformal threshold at most, in 95 of 100 calibration sets.
+
+    Source: the k-th smallest of n scores leaves a share of Beta(n + 1 - k, k) above it.
+    """
+    k = math.ceil((count + 1) * (1.0 - share))
+    return float(beta.ppf(0.95, count + 1 - k, k)) if k <= count else 0.0
 
 
 def detectors(records: Sequence[Record]) -> list[str]:
@@ -104,12 +119,11 @@ def _announced(condition: str, records: Sequence[Record]) -> list[str]:
         chosen = [hit for hit, each in zip(hits, harmful, strict=True) if each.harm == kind]
         if chosen:
             lines.append(f"    {kind.name.lower():27} {interval(sum(chosen), len(chosen))}")
-    blind = sum(
-        not each.answers and each.worst == Level.UNOBSERVABLE and not hit
-        for hit, each in zip(hits, harmful, strict=True)
-    )
-    if blind:
-        lines.append(f"    of the rest {blind} had no pose from the first frame on: UNOBSERVABLE, and no motion")
+    seen = [hit or stood_still(each) for hit, each in zip(hits, harmful, strict=True)]
+    if seen != hits:
+        lines.append(
+            f"    a camera that stood still, and was said to be blind, counted {interval(sum(seen), len(seen))}"
+        )
     said = [is_announced(each.first_alert, each.demand_time or 0.0, lead_of(each)) for each in demanding]
     lines.append(f"  demand announced early enough {interval(sum(said), len(said))}")
     return lines

@@ -33,8 +33,7 @@ from plsing_ros.pose.pose_tracker import PoseTracker
 _SECOND = 1_000_000_000
 _ARRIVED, _ARRIVED_ANGLE, _ARRIVED_TIME = 0.05, math.radians(2.0), 1.0
 _SOFT_START = 1.0  # [s]
-# Six others of every third run in harsh conditions.
-_TRUE_RUNS, _TRUE_EVERY = 6, 3
+_TRUE_RUNS = 6
 # Between two looks at the margin of visibility [s].
 _VISIBILITY_PERIOD = 0.05
 # A speed that a limit has scaled is that limit but for rounding.
@@ -60,7 +59,8 @@ class Record:
         scores: Of each simpler detector: (time, score) where it rose to a new maximum.
         changes: Of the level.
         frames: In all.
-        worst: Level that was worst, a value of Level; UNOBSERVABLE where no pose could be found.
+        first_level: The first one, a value of Level; STALE or UNOBSERVABLE where no pose could be found.
+        speed: The largest that was commanded, |v| in m/s or |omega| in rad/s.
         true_share: Share of other runs of the same task that come to harm, or None.
     """
 
@@ -84,7 +84,8 @@ class Record:
     scores: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
     changes: int = 0
     frames: int = 0
-    worst: int = 0
+    first_level: int = 0
+    speed: float = 0.0
     true_share: float | None = None
 
     def line(self) -> str:
@@ -97,15 +98,15 @@ class Record:
         return cls(**json.loads(line))
 
 
-def record_of(condition: str, seed: int, number: int) -> Record:
+def record_of(condition: str, seed: int, true_every: int, number: int) -> Record:
     """Make run `number` of a seed, with the monitor watching.
 
-    In harsh conditions, of every third run six more are made without it, with other errors of camera, pose, map and
-    focal length: what can be known of the run by whoever knows the conditions, and the map as it is given.
+    In harsh conditions, of every true_every-th run (0: none) six more are made without it, with other errors of camera,
+    pose, map and focal length: what can be known by whoever knows the conditions, and the map as it is given.
     """
     setting = draw_setting(condition, seed, number)
     record = watched_run(setting, condition, seed, number)
-    if condition == "harsh" and number % _TRUE_EVERY == 0:
+    if condition == "harsh" and true_every and number % true_every == 0:
         others = [_Run(with_other_errors(setting, i), setting.seed + 1 + i).unwatched() for i in range(_TRUE_RUNS)]
         record.true_share = sum(each is not Harm.NONE for each in others) / _TRUE_RUNS
     return record
@@ -215,8 +216,9 @@ class _Run:
         twist = asked * (min(time / _SOFT_START, 1.0) if self._setting.soft else 1.0)
         if self._tracker is not None:
             self._tracker.receive_twist(twist, stamp)
-        if self._monitor is not None:
+        if self._monitor is not None and self._record is not None:
             self._monitor.receive_twist(twist, stamp)
+            self._record.speed = max(self._record.speed, float(np.linalg.norm(twist.reshape(2, 3), axis=1).max()))
             self._score("commanded speed", time, float(np.linalg.norm(twist[:3])))
             if time - self._looked >= _VISIBILITY_PERIOD:
                 self._looked = time
@@ -227,7 +229,8 @@ class _Run:
         monitor = self._monitor
         assert monitor is not None
         if frame is None:
-            return monitor.unusable("no pose", stamp)
+            # Without a pose pose_estimator publishes nothing.
+            return monitor.silence(stamp)
         try:
             R = np.kron(np.eye(2), frame.T_world_camera.rotation)
             monitor.receive_pose(frame.T_world_camera, stamp, R @ frame.covariance @ R.T)
@@ -237,12 +240,18 @@ class _Run:
 
     def _note(self, assessment: Assessment | None, time: float) -> None:
         record = self._record
-        if assessment is None or record is None:
+        assert record is not None
+        if assessment is None:
+            # What was said last still holds.
+            record.alert_share += self._level in _ALERTS
             return
-        record.changes += bool(record.frames) and int(assessment.level) != self._level
+        level = int(assessment.level)
+        if record.frames == 0:
+            record.first_level = level
+        else:
+            record.changes += level != self._level
         record.frames += 1
-        self._level = int(assessment.level)
-        record.worst = max(record.worst, self._level)
+        self._level = level
         if assessment.level in _ALERTS:
             record.alert_share += 1.0
             if record.first_alert is None:

@@ -3,12 +3,13 @@
 
 Conditions, harm, demand and arrival are those of docs/concepts/risk.md; tasks, gains, frame rates, laws and chains are
 drawn at random. Every rate comes with its 95 % interval (Wilson). Runs are kept in build/alerts as they are made, under
-a mark of the code that made them: a study that was interrupted goes on where it was.
+a mark of the code that made them: a study that was interrupted goes on where it was, and conditions can be made by
+several processes. In harsh conditions six runs in the true conditions are made beside every second run.
 
     python3 -m benchmark alerts --quick
     python3 -m benchmark.alerts --quick --figure alerts.png
     python3 -m benchmark.alerts --condition nominal --harmless 100 --harmful 30 --workers 1
-    python3 -m benchmark.alerts --calibrate --harmless 200 --harmful 0
+    python3 -m benchmark.alerts --calibrate --condition nominal --harmless 200 --harmful 0
 """
 
 from __future__ import annotations
@@ -28,13 +29,14 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from benchmark.alert_report import FALSE, conformal_threshold, is_harmless, report, scores_of
+from benchmark.alert_report import FALSE, conformal_threshold, exceeded, is_harmless, report, scores_of
 from benchmark.alert_runs import Record, record_of
 
 CONDITIONS = ("lab", "nominal", "harsh")
 # Thresholds are set on runs of the first seed, and judged on those of the second.
 CALIBRATION_SEED, SEED = 101, 202
 HARMLESS, HARMFUL = 1000, 300
+TRUE_EVERY = 2
 _ROOT = Path(__file__).parents[1]
 RESULTS = _ROOT / "build" / "alerts"
 # What a run depends on.
@@ -59,11 +61,12 @@ def study(
     workers: int = 2,
     figure: str = "",
     results: Path = RESULTS,
+    true_every: int = TRUE_EVERY,
 ) -> dict[str, list[Record]]:
     """Make runs of each condition until there are enough of both kinds, and print the tables."""
     records = {}
     for condition in conditions:
-        records[condition] = records_of(condition, seed, harmless, harmful, workers, results)
+        records[condition] = records_of(condition, seed, harmless, harmful, workers, results, true_every)
         print(report(condition, records[condition]), flush=True)
     if figure:
         from benchmark.alert_figure import draw
@@ -73,7 +76,13 @@ def study(
 
 
 def records_of(
-    condition: str, seed: int, harmless: int, harmful: int, workers: int, results: Path = RESULTS
+    condition: str,
+    seed: int,
+    harmless: int,
+    harmful: int,
+    workers: int,
+    results: Path = RESULTS,
+    true_every: int = TRUE_EVERY,
 ) -> list[Record]:
     """Return the runs of a seed from the first one on, until there are enough of both; make those missing."""
     folder = results / _mark()
@@ -86,7 +95,7 @@ def records_of(
     made = [Record.from_line(line) for line in lines]
     records: list[Record] = []
     with tqdm(total=harmless + harmful, desc=condition, leave=False, file=sys.stderr) as bar:
-        for record in _from(made, partial(record_of, condition, seed), workers, path):
+        for record in _from(made, partial(record_of, condition, seed, true_every), workers, path):
             records.append(record)
             bad = sum(bool(each.harm) for each in records)
             bar.n = min(len(records) - bad, harmless) + min(bad, harmful)
@@ -136,12 +145,15 @@ def _mark() -> str:
 def calibrate(records: Sequence[Record]) -> str:
     """Return the conformal thresholds of risk and demand that harmless runs of a calibration set ask for."""
     count = sum(is_harmless(each) for each in records)
-    found = [
-        f"{name} > {conformal_threshold(scores_of(records, name)[1], share):.4f} for {100 * share:g} %"
-        for name in ("risk", "demand")
-        for share in (FALSE, FALSE / 2)
-    ]
-    return f"conformal thresholds by {count} harmless runs: {'; '.join(found)}"
+    lines = [f"conformal thresholds by {count} harmless runs, of other seeds than those that are judged"]
+    for share in (FALSE, FALSE / 2):
+        values = [conformal_threshold(scores_of(records, name)[1], share) for name in ("risk", "demand")]
+        lines.append(
+            f"  risk > {values[0]:.4f}, demand > {values[1]:.4f}: exceeded by at most {100 * share:g} % of further "
+            f"harmless runs like these in the mean over such sets, by at most {100 * exceeded(count, share):.1f} % "
+            "in 95 of 100 sets"
+        )
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
@@ -152,6 +164,12 @@ if __name__ == "__main__":
     parser.add_argument("--harmless", type=int, default=HARMLESS, help="runs without harm, of each condition")
     parser.add_argument("--harmful", type=int, default=HARMFUL, help="runs with harm, of each condition")
     parser.add_argument("--condition", choices=CONDITIONS, action="append", help="default: all")
+    parser.add_argument(
+        "--true-every",
+        type=int,
+        default=TRUE_EVERY,
+        help="make six true runs of every harsh run whose number this divides; 0: none",
+    )
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--figure", default="", help="PNG of ROC and reliability")
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder that runs are kept in")
@@ -165,6 +183,7 @@ if __name__ == "__main__":
         options.workers,
         options.figure,
         options.results,
+        options.true_every,
     )
     if options.calibrate:
         for condition, records in found.items():

@@ -22,10 +22,19 @@ class AlarmState:
     def __init__(self, debounce: Debounce) -> None:
         self.debounce = debounce
         self._latches: dict[str, Hysteresis] = {}
+        self._alerting: dict[str, Indicator] = {}
 
     def forget(self) -> None:
         """Begin anew: the next numbers count at once."""
         self._latches.clear()
+        self._alerting.clear()
+
+    def with_missing(self, indicators: list[Indicator]) -> list[Indicator]:
+        """Return indicators and those that alerted but have no number any more, so that they end by their debounce."""
+        if not self._alerting:
+            return indicators
+        present = {each.name for each in indicators}
+        return indicators + [_without_number(each) for name, each in self._alerting.items() if name not in present]
 
     def levels(self, indicators: Sequence[Indicator], suppressed: int = 0) -> list[Level]:
         """Return the level of each indicator, after one more cycle; the first few do not count at present."""
@@ -39,9 +48,19 @@ class AlarmState:
                 value = math.inf
             if latch.calm and value >= thresholds.alarm:
                 levels.append(OK)
+                continue
+            level = latch.update(value, thresholds, self.debounce)
+            if level is not OK:
+                self._alerting[name] = indicators[i]
             else:
-                levels.append(latch.update(value, thresholds, self.debounce))
+                self._alerting.pop(name, None)
+            levels.append(level)
         return levels
+
+
+def _without_number(indicator: Indicator) -> Indicator:
+    words = f"{indicator.name.replace('_', ' ')}, not known any more,"
+    return indicator._replace(value=math.inf, text=lambda: words)
 
 
 def worst(levels: Sequence[Level], singular_everywhere: str) -> Level:

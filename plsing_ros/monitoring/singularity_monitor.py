@@ -318,7 +318,9 @@ class SingularityMonitor:
             else self._indicators.predicted(risk, stamp, self._describe_motion_at_target)
         )
         is_rolled_out = risk is not None and covariance is not None and parameters.rollout_rules
-        indicators = [*measured, *expected, verdict_indicator(observation, is_rolled_out)]
+        indicators = self._alarm_state.with_missing(
+            [*measured, *expected, verdict_indicator(observation, is_rolled_out)]
+        )
         nearest = None if distances is None else self._approaches.nearest(distances)
         levels = self._alarm_state.levels(indicators, suppressed)
         level = worst(levels, self._singular_everywhere)

@@ -5,7 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plsing_ros.levels import Level
+from plsing_ros.monitoring.alarm_state import AlarmState, reasons
 from plsing_ros.monitoring.hysteresis import Debounce, Hysteresis, Thresholds, threshold_text
+from plsing_ros.monitoring.indicators import Indicator
 
 THRESHOLDS = Thresholds(warn=1.0, critical=0.1, warn_exit=1.2, critical_exit=0.12)
 OK, WARN, CRITICAL = Level.OK, Level.WARN, Level.CRITICAL
@@ -82,3 +84,16 @@ def test_the_reason_says_how_a_level_is_held():
     assert threshold_text(0.05, THRESHOLDS, CRITICAL) == "below 0.1"
     assert threshold_text(1.1, THRESHOLDS, WARN, " m") == "not yet above 1.2 m"
     assert threshold_text(5.0, THRESHOLDS, WARN) == "not above 1.2 for long enough yet"
+
+
+def test_an_alert_whose_number_is_lost_ends_by_its_debounce():
+    state = AlarmState(Debounce(to_raise=1, to_lower=3))
+    risk = Indicator("risk", 1.0, Thresholds(2.0, 0.0), lambda: "probability of harm 1")
+    other = Indicator("z", 9.0, Thresholds(3.0, 0.0), lambda: "z 9")
+    assert state.levels(state.with_missing([risk, other])) == [Level.WARN, Level.OK]
+    for expected in (Level.WARN, Level.WARN, Level.OK):
+        indicators = state.with_missing([other])
+        levels = state.levels(indicators)
+        assert max(levels) is expected
+        assert ("risk, not known any more" in reasons(indicators, levels, "", "calm")) is (expected is Level.WARN)
+    assert state.with_missing([other]) == [other]

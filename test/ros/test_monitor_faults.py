@@ -75,6 +75,7 @@ def test_features_that_cannot_be_used(loop, spoil, words):
 def test_a_stream_that_is_refused_is_one_state_one_alert_and_one_line(loop):
     lines = loop.ros.collect(Log, "/rosout", qos.LATCHED)
     loop.status_at(CALM)
+    loop.ros.spin_until(lambda: loop.alerts[-1].level == SingularityStatus.LEVEL_OK, "the alert of it")
     alerts = len(loop.alerts)
     for frame in range(40):
         # The numbers in the reason change with each message, and what is wrong with it does not.
