@@ -4,7 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -54,24 +54,73 @@ double fill_rank_basis(const Rows3Ref &direction, const Rows3Ref &point, const E
     return std::sqrt(f.colwise().squaredNorm().minCoeff());
 }
 
-// The smallest over the largest singular value of xi, as exact as rounding of xi allows.
-//
-// Both by the largest eigenvalue of a product: of the triangular factor R, and of its inverse.
+// Columns of xi made orthonormal one after the other. The triangular factor of this modified Gram-Schmidt is as exact as
+// Householder's, whatever the rank (Bjorck 1967); its diagonal ends with zeros after a column of zeros.
 template <typename Scalar>
-double singular_value_ratio(const Eigen::Matrix<Scalar, Dynamic, 6> &xi)
+Eigen::Matrix<Scalar, 6, 6> triangular_factor(Eigen::Matrix<Scalar, Dynamic, 6> &xi)
+{
+    Eigen::Matrix<Scalar, 6, 6> triangle = Eigen::Matrix<Scalar, 6, 6>::Zero();
+    for (int k = 0; k < 6; k++) {
+        const double length = xi.col(k).norm();
+        if (!(length > 0.0))
+            break;
+        triangle(k, k) = length;
+        xi.col(k) /= length;
+        for (int j = k + 1; j < 6; j++) {
+            triangle(k, j) = xi.col(k).dot(xi.col(j));
+            xi.col(j) -= triangle(k, j) * xi.col(k);
+        }
+    }
+    return triangle;
+}
+
+// The largest singular value of a matrix A, too large by at most a share of `tolerance`.
+//
+// S is a power of A A* with |S| = 1, whose largest eigenvalue is in [1 / tr S, 1]. Where six doublings of the power do
+// not bring these together, the eigenvalues are computed.
+template <typename Square>
+double largest_singular_value(const Square &matrix, double tolerance)
+{
+    const double size = matrix.norm();
+    if (!std::isfinite(size))
+        return size;
+    // Eigen multiplies a matrix several times as fast as an expression.
+    const Square unit = matrix / size, adjoint = unit.adjoint();
+    const Square product = unit * adjoint;
+    Square power = product;
+    double value = size, root = 0.5;
+    for (int doubled = 0; doubled < 6; doubled++, root *= 0.5) {
+        if (doubled > 0)
+            power = (power * power).eval();
+        const double norm = power.norm();
+        power /= norm;
+        value *= std::pow(norm, root);
+        if ((std::real(power.trace()) - 1.0) * root <= tolerance)
+            return value;
+    }
+    const Eigen::SelfAdjointEigenSolver<Square> solver(product, Eigen::EigenvaluesOnly);
+    return size * std::sqrt(solver.eigenvalues()(5));
+}
+
+// Relative errors of the largest singular values, and the absolute one of their ratio, that are rounding.
+constexpr double rounding = 1e-15, rounding_of_ratio = 1e-17, coarse = 1e-2;
+
+// The smallest over the largest singular value of xi, which is overwritten, as exact as rounding of xi allows.
+//
+// Both by the largest one of a matrix: of the triangular factor, and of its inverse.
+template <typename Scalar>
+double singular_value_ratio(Eigen::Matrix<Scalar, Dynamic, 6> &xi)
 {
     using Square = Eigen::Matrix<Scalar, 6, 6>;
-    const Eigen::HouseholderQR<Eigen::Matrix<Scalar, Dynamic, 6>> qr(xi);
-    const Square triangle = qr.matrixQR().template topRows<6>().template triangularView<Eigen::Upper>();
+    const Square triangle = triangular_factor<Scalar>(xi);
     // Also for a matrix of zeros, and for NaN.
     if (!(triangle.diagonal().cwiseAbs().minCoeff() > 1e-100))
         return 0.0;
-    const auto largest = [](const Square &matrix) {
-        const Eigen::SelfAdjointEigenSolver<Square> solver(matrix * matrix.adjoint(), Eigen::EigenvaluesOnly);
-        return std::sqrt(solver.eigenvalues()(5));
-    };
     const Square inverse = triangle.template triangularView<Eigen::Upper>().solve(Square::Identity());
-    return 1.0 / (largest(triangle) * largest(inverse));
+    const double smallest = 1.0 / largest_singular_value(inverse, rounding);
+    // A ratio that is small itself needs few digits of the largest one.
+    const double needed = rounding_of_ratio * triangle.norm() / smallest;
+    return smallest / largest_singular_value(triangle, std::clamp(needed, rounding, coarse));
 }
 
 template <typename Scalar>
