@@ -11,15 +11,11 @@ from plsing_ros.singularities.scene_frame import SceneFrame
 # Unit directions and scene coordinates that differ by less than this are equal.
 TOLERANCE = 1e-9
 
-# Absolute cosine of directions a thousandth of a radian apart.
-_NOT_NEARLY_PARALLEL = 1.0 - 5e-7
-
 
 def distinct_rows(frame: SceneFrame) -> list[int]:
     """Return the rows of the lines without those that repeat an earlier one, with either orientation."""
     n = len(frame.direction)
-    # No two directions within a thousandth of a radian: nothing to look at more closely.
-    if np.count_nonzero(frame.cosine > _NOT_NEARLY_PARALLEL) == n:
+    if not frame.has_near_parallels:
         return list(range(n))
     kept: list[int] = []
     for row in range(n):
@@ -48,8 +44,7 @@ def singular_everywhere_reason(frame: SceneFrame, distinct: int) -> str | None:
             "lost everywhere"
         )
     first = frame.direction[0]
-    parallel = frame.cosine[0].min() > _NOT_NEARLY_PARALLEL
-    if parallel and float(np.abs(cross(frame.direction[1:], first)).max()) <= TOLERANCE:
+    if frame.has_near_parallels and float(np.abs(cross(frame.direction[1:], first)).max()) <= TOLERANCE:
         direction = ", ".join(f"{value:.6g}" for value in first)
         return f"all lines are parallel: translation along their direction ({direction}) is lost everywhere"
     if frame.concurrent:

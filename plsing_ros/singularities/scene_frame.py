@@ -20,6 +20,9 @@ CONCURRENCY_TOLERANCE = 1e-9
 # The same in metres for lines that meet at the origin itself.
 _MIN_LENGTH = 1e-12
 
+# Absolute cosine of directions a thousandth of a radian apart.
+_NEARLY_PARALLEL = 1.0 - 5e-7
+
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame:
@@ -74,6 +77,11 @@ class SceneFrame:
         """Absolute cosines of the angles between the lines, shape (n, n)."""
         cosine: Array = np.abs(self.direction @ self.direction.T)
         return cosine
+
+    @cached_property
+    def has_near_parallels(self) -> bool:
+        """Whether two lines are within a thousandth of a radian of parallel; else none need be looked at closely."""
+        return int(np.count_nonzero(self.cosine > _NEARLY_PARALLEL)) > len(self.direction)
 
     def to_scene(self, points: Array) -> Array:
         """Return points [m] of any leading shape (..., 3) in scene coordinates."""

@@ -56,6 +56,8 @@ def axes_of_parallel_lines(frame: SceneFrame) -> Array | None:
     Args:
         frame: The scene; its lines differ and are not all parallel.
     """
+    if not frame.has_near_parallels:
+        return None
     sine = np.linalg.norm(cross(frame.direction[:, np.newaxis], frame.direction), axis=2)
     parallel = sine <= _ZERO
     row = int(parallel.sum(axis=1).argmax())
