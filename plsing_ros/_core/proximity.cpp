@@ -46,6 +46,8 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
     require(covariance == nullptr || covariance->rows() == n, "there must be a covariance of each line");
     Tall basis = Tall::Zero(rows, 6), image = Tall::Zero(rows, 6);
     Eigen::VectorXd size = Eigen::VectorXd::Ones(rows);
+    // What a line's errors add to the variance of a singular value is at most this times the squares of the left vector.
+    Eigen::VectorXd max_variance = Eigen::VectorXd::Zero(rows);
     Eigen::Matrix3Xd normal(3, n), arm(3, n);
     for (Index i = 0; i < n; i++) {
         const Vector3d u = direction.row(i);
@@ -58,6 +60,12 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
             continue;
         size(2 * i) = distance * std::sqrt(1.0 + square);
         size(2 * i + 1) = distance;
+        const double reach = arm.col(i).norm(), shift = position_std(i) / length;
+        const double first = (1.0 + 2.0 * distance) / size(2 * i), second = 1.0 / distance;
+        max_variance.segment<2>(2 * i).setConstant(
+            shift * shift * (first * first + second * second) +
+            direction_std(i) * direction_std(i) *
+                (std::pow(square / size(2 * i) + reach * first, 2) + std::pow(1.0 + reach * second, 2)));
         basis.row(2 * i) << f.transpose() / size(2 * i), u.transpose() * (square / size(2 * i));
         basis.row(2 * i + 1).tail<3>() = m / distance;
         image.row(2 * i) << f.transpose() / square, u.transpose();
@@ -73,9 +81,15 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
         return py::none();
     const Tall left = decomposed.left();
     const double smallest = decomposed.values()(5), largest = decomposed.values()(0);
-    Eigen::Array<double, 6, 1> variance = Eigen::Array<double, 6, 1>::Zero();
+    const double infinite = std::numeric_limits<double>::infinity();
     Eigen::MatrixX3d slope = Eigen::MatrixX3d::Zero(rows, 3);
-    for (int k = 0; k < 6; k++) {
+    // Not the smallest one alone: far away several are small, and another may be the nearest to zero in tolerances.
+    double z = smallest <= rounding * largest ? 0.0 : infinite, variance_of_smallest = 0.0;
+    for (int k = 5; k >= 0; k--) {
+        const double value = decomposed.values()(k);
+        if (k < 5 && !(value * value < z * z * max_variance.dot(left.col(k).cwiseAbs2())))
+            continue;
+        double variance = 0.0;
         const Vector6d motion = decomposed.right().col(k);
         for (Index i = 0; i < n; i++) {
             const Vector3d u = direction.row(i), f = normal.col(i), r = arm.col(i);
@@ -97,28 +111,25 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
                 turned += left(row, k) * (by_direction + r.cross(by_normal));
             }
             const double shift = position_std(i) / length;
-            variance(k) += shift * shift * moved.cross(u).squaredNorm();
-            variance(k) += direction_std(i) * direction_std(i) * (turned - turned.dot(u) * u).squaredNorm();
+            variance += shift * shift * moved.cross(u).squaredNorm();
+            variance += direction_std(i) * direction_std(i) * (turned - turned.dot(u) * u).squaredNorm();
         }
+        if (variance > 0.0)
+            z = std::min(z, value / std::sqrt(variance));
+        if (k == 5)
+            variance_of_smallest = variance;
     }
     // A change of the rows that the five better observed motions can follow is none of the rank.
     slope -= left.leftCols<5>() * (left.leftCols<5>().transpose() * slope).eval();
     const Vector3d pull = slope.transpose() * left.col(5);
     const Eigen::SelfAdjointEigenSolver<Matrix3d> across(slope.transpose() * slope);
-    const double least = std::max(steep * steep * smallest * smallest, sure * sure * variance(5));
+    const double least = std::max(steep * steep * smallest * smallest, sure * sure * variance_of_smallest);
     Vector3d step = Vector3d::Zero();
     for (int axis = 0; axis < 3; axis++) {
         const double value = across.eigenvalues()(axis);
         if (value > 0.0 && (axis == 2 || value >= least))
             step -= across.eigenvectors().col(axis) * (smallest * across.eigenvectors().col(axis).dot(pull) / value);
     }
-    const double infinite = std::numeric_limits<double>::infinity();
-    const bool singular = smallest <= rounding * largest;
-    // Not the smallest one alone: far away several are small, and another may be the nearest to zero in tolerances.
-    double z = singular ? 0.0 : infinite;
-    for (int k = 0; k < 6; k++)
-        if (variance(k) > 0.0)
-            z = std::min(z, decomposed.values()(k) / std::sqrt(variance(k)));
     const Vector6d weakest = seen.right().col(5);
     const double deviation = seen.has_full_rank() ? (covariance == nullptr ? image_std : 1.0) / seen.values()(5) : infinite;
     const double moved = length * weakest.head<3>().norm(), turned = weakest.tail<3>().norm();
