@@ -93,7 +93,11 @@ def reversed_lines(scene: LineSet, seen: LineSet, rotation: Array) -> tuple[int,
         rotation: Of T_world_camera, shape (3, 3); the noise of both may be large.
     """
     direction = scene.direction if seen.ids == scene.ids else scene.direction[matched_rows(scene, seen)]
-    cosine = np.einsum("ij,ij->i", direction @ rotation, seen.direction)
+    expected = direction @ rotation
+    # No cosine is above one: a sum that large leaves none to be looked at.
+    if float(np.vdot(expected, seen.direction)) > len(expected) - 1 + _REVERSED + 1e-6 * len(expected):
+        return ()
+    cosine = np.einsum("ij,ij->i", expected, seen.direction)
     return tuple(seen.ids[row] for row in np.flatnonzero(cosine < _REVERSED))
 
 

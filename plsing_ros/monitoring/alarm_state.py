@@ -23,11 +23,13 @@ class AlarmState:
         self.debounce = debounce
         self._latches: dict[str, Hysteresis] = {}
         self._alerting: dict[str, Indicator] = {}
+        self._calm_for: tuple[object, ...] = ()
 
     def forget(self) -> None:
         """Begin anew: the next numbers count at once."""
         self._latches.clear()
         self._alerting.clear()
+        self._calm_for = ()
 
     def with_missing(self, indicators: list[Indicator]) -> list[Indicator]:
         """Return indicators and those that alerted but have no number any more, so that they end by their debounce."""
@@ -36,7 +38,17 @@ class AlarmState:
         present = {each.name for each in indicators}
         return indicators + [_without_number(each) for name, each in self._alerting.items() if name not in present]
 
-    def levels(self, indicators: Sequence[Indicator], suppressed: int = 0) -> list[Level]:
+    def is_calm(self, kinds: tuple[object, ...]) -> bool:
+        """Return whether numbers above all their thresholds would change nothing.
+
+        Args:
+            kinds: What tells these numbers from others, as it was given to levels().
+        """
+        return self._calm_for == kinds
+
+    def levels(
+        self, indicators: Sequence[Indicator], suppressed: int = 0, kinds: tuple[object, ...] = ()
+    ) -> list[Level]:
         """Return the level of each indicator, after one more cycle; the first few do not count at present."""
         # Local names, and no call where nothing happens: this is done for every number in every cycle.
         latches, levels = self._latches, []
@@ -55,6 +67,7 @@ class AlarmState:
             else:
                 self._alerting.pop(name, None)
             levels.append(level)
+        self._calm_for = kinds if all(latches[each.name].calm for each in indicators) else ()
         return levels
 
 
@@ -65,7 +78,7 @@ def _without_number(indicator: Indicator) -> Indicator:
 
 def worst(levels: Sequence[Level], singular_everywhere: str) -> Level:
     """Return the worst of the levels of all indicators; UNOBSERVABLE where every camera is singular."""
-    return Level.UNOBSERVABLE if singular_everywhere else max(levels)
+    return Level.UNOBSERVABLE if singular_everywhere else max(levels, default=OK)
 
 
 def worst_names(indicators: Sequence[Indicator], levels: Sequence[Level], level: Level) -> str:

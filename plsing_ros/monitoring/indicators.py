@@ -97,6 +97,36 @@ class Indicators:
             if rows:
                 # Loci of one threshold are next to each other.
                 self._distances.append((name, rows[0], rows[-1] + 1, self._thresholds[name]))
+        self._alarm = {name: thresholds.alarm for name, thresholds in self._thresholds.items()}
+
+    def kinds(self, target_inverse: float | None, distance: Array | None, near: Proximity | None) -> tuple[object, ...]:
+        """Return what tells the numbers of measured() from those of other cycles."""
+        z = near is not None and near.z is not None
+        return *self._condition_rules(target_inverse), distance is None, near is None, z
+
+    def are_calm(
+        self, numbers: Conditioning, target_inverse: float | None, distance: Array | None, near: Proximity | None
+    ) -> bool:
+        """Return whether all numbers of measured() are above their thresholds; most cycles need to know no more."""
+        inverse, alarm = numbers.inverse_condition_number, self._alarm
+        absolute, relative = self._condition_rules(target_inverse)
+        if absolute and inverse < alarm[_CONDITION]:
+            return False
+        if relative and target_inverse is not None and inverse / target_inverse < alarm[_RELATIVE]:
+            return False
+        if numbers.smallest_singular_value < alarm[_SMALLEST]:
+            return False
+        if near is not None and (
+            near.distance < alarm[_DISTANCE]
+            or _inverse(near.position_std) < alarm[_PRECISION]
+            or _inverse(near.rotation_std) < alarm[_TURN]
+            or (near.z is not None and near.z < alarm[_Z])
+        ):
+            return False
+        values = [] if distance is None else distance.tolist()
+        return not values or all(
+            min(values[start:stop]) >= thresholds.alarm for _, start, stop, thresholds in self._distances
+        )
 
     def measured(
         self,

@@ -33,7 +33,7 @@ from plsing_ros.monitoring.approach import Approach, ApproachTable, Trend
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.camera_position import CameraPosition
 from plsing_ros.monitoring.hysteresis import OK, Debounce
-from plsing_ros.monitoring.indicators import Indicator, Indicators, condition_text, precision_text, verdict_indicator
+from plsing_ros.monitoring.indicators import Indicators, condition_text, precision_text, verdict_indicator
 from plsing_ros.monitoring.law_risks import laws_text, risks_of_laws
 from plsing_ros.monitoring.monitored_target import NOT_KNOWN, MonitoredTarget
 from plsing_ros.monitoring.prediction import Prediction
@@ -286,7 +286,7 @@ class SingularityMonitor:
         distances = None if pose is None else singular.distance_arrays(pose.translation)
         known = observation.usable_covariances
         near_by = None if pose is None else singular.proximity(pose, ids=lines.ids, covariances=known)
-        measured = self._measured(ruling, target_inverse, None if distances is None else distances.distance, near_by)
+        away = None if distances is None else distances.distance
         slope = self._slope.add(ruling.inverse_condition_number, stamp)
         time_to_critical = self._indicators.time_to_critical(ruling.inverse_condition_number, slope, target_inverse)
         twist = self._prediction.recent_twist(stamp, parameters.twist_timeout)
@@ -300,16 +300,13 @@ class SingularityMonitor:
             growth = self._prediction.growth(
                 observation, factors, pose, singular.lines, target_image, twist, stamp, parameters
             )
-        near = [each for each in measured if each.value < each.thresholds.alarm]
-        calm, suppressed, foreseen = "", 0, (time_to_critical, approach)
+        calm, foreseen = "", (time_to_critical, approach)
         if parameters.rollout_rules and (risk is not None or self._risk.is_awaited):
             # Near a singularity is not yet in trouble: what comes of it is known, or will be in a moment.
-            suppressed = len(measured)
             calm = "awaiting the roll-out" if risk is None else "passed calmly by the roll-out"
             foreseen = (None, None)
         elif parameters.rollout_rules and self._prediction.rules:
             # Near a singularity is not yet in trouble: here it is known what the law will do, or will be in a moment.
-            suppressed = len(measured)
             calm = "awaiting the law's roll-out" if growth is None else "passed calmly by the law's roll-out"
             foreseen = (None, None)
         expected = (
@@ -318,11 +315,23 @@ class SingularityMonitor:
             else self._indicators.predicted(risk, stamp, self._describe_motion_at_target)
         )
         is_rolled_out = risk is not None and covariance is not None and parameters.rollout_rules
-        indicators = self._alarm_state.with_missing(
-            [*measured, *expected, verdict_indicator(observation, is_rolled_out)]
-        )
+        indicators = [*expected, verdict_indicator(observation, is_rolled_out)]
         nearest = None if distances is None else self._approaches.nearest(distances)
-        levels = self._alarm_state.levels(indicators, suppressed)
+        of_loci = self._of_loci(away, near_by)
+        kinds = (*self._indicators.kinds(target_inverse, *of_loci), len(indicators))
+        near = not self._indicators.are_calm(ruling, target_inverse, *of_loci)
+        levels: list[Level] = []
+        if (
+            near
+            or not self._alarm_state.is_calm(kinds)
+            or any(each.value < each.thresholds.alarm for each in indicators)
+        ):
+            measured = self._indicators.measured(ruling, target_inverse, *of_loci)
+            indicators = self._alarm_state.with_missing([*measured, *indicators])
+            levels = self._alarm_state.levels(indicators, len(measured) if calm else 0, kinds)
+        else:
+            # Everything is as well as it was: no words are needed.
+            indicators = []
         level = worst(levels, self._singular_everywhere)
 
         def explain() -> str:
@@ -390,13 +399,9 @@ class SingularityMonitor:
             last_right_vector=part.right[len(columns) - 1],
         )
 
-    def _measured(
-        self, ruling: Conditioning, target_inverse: float | None, distance: Array | None, near: Proximity | None
-    ) -> list[Indicator]:
-        """Return what is known of the present; the loci are those of a camera that moves in all directions."""
-        if len(self._parameters.columns) < 6:
-            distance, near = None, None
-        return self._indicators.measured(ruling, target_inverse, distance, near)
+    def _of_loci(self, distance: Array | None, near: Proximity | None) -> tuple[Array | None, Proximity | None]:
+        """Return what is judged of the loci, which are those of a camera that moves in all directions."""
+        return (distance, near) if len(self._parameters.columns) == 6 else (None, None)
 
     def _describe_motion_at_target(self) -> str:
         if self._motion_at_target is None:
@@ -451,7 +456,7 @@ class SingularityMonitor:
         distances = self._singular_set.distance_arrays(T_world_camera.translation)
         nearest = self._approaches.nearest(distances)
         near_by = self._singular_set.proximity(T_world_camera, ids=lines.ids)
-        indicators = self._measured(ruling, target_inverse, distances.distance, near_by)
+        indicators = self._indicators.measured(ruling, target_inverse, *self._of_loci(distances.distance, near_by))
         levels = [each.thresholds.entered(each.value) for each in indicators]
         level = worst(levels, self._singular_everywhere)
         reason = reasons(indicators, levels, self._singular_everywhere, condition_text(ruling.inverse_condition_number))
