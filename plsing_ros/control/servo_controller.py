@@ -27,8 +27,8 @@ from plsing_ros.parameters import ControllerParameters
 from plsing_ros.parameters.options import parameters_from_options, pose_options
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_tracker import detour_options
-from plsing_ros.planning.planner import Planner
-from plsing_ros.planning.target_check import TargetCheck, check_target
+from plsing_ros.planning.planner import Answer, Planner, PlanNow
+from plsing_ros.planning.target_check import check_target
 from plsing_ros.pose import PoseEstimator, lift_lines
 from plsing_ros.pose.line_lifting import lift_lines_at
 from plsing_ros.pose.received_poses import ReceivedPose, ReceivedPoses
@@ -84,7 +84,7 @@ class ServoController:
         return controller
 
     def _start(self, parameters: ControllerParameters, planner: Planner | None = None) -> None:
-        self._planner = planner
+        self._planner = planner or PlanNow()
         self.warning = ""
         self._checked: LineObservation | None = None
         self._enabled = parameters.enabled
@@ -193,8 +193,8 @@ class ServoController:
         if self._loci is not None:
             _ = self._loci.singular_set
 
-    def check_target(self, target: Pose, start: Pose | None) -> TargetCheck:
-        """Return what detour would do about a target; it takes as long as a plan.
+    def check_target(self, target: Pose, start: Pose | None) -> Answer:
+        """Ask what detour would do about a target: the answer, a TargetCheck, takes the planner as long as a plan.
 
         Args:
             target: T_world_camera there.
@@ -211,7 +211,8 @@ class ServoController:
             raise ObservationError(
                 "where the camera is now is not known: no usable features yet, or they do not fit the scene"
             )
-        return check_target(self._loci.singular_set, start, target, detour_options(self.parameters))
+        options = detour_options(self.parameters)
+        return self._planner.ask(check_target, self._loci.singular_set, start, target, options)
 
     def step(self, observation: LineObservation, time: float, pose: Pose | None = None) -> Command:
         """Return the command for an observation that is made now; whatever is wrong with it is the command's reason.

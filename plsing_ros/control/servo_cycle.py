@@ -39,6 +39,8 @@ from plsing_ros.planning.path_tracker import PathTracker
 from plsing_ros.planning.planner import Planner
 from plsing_ros.singularities.scene_loci import SceneLoci
 
+# Why the camera stands still while a path is being planned.
+PLANNING = "a path is being planned"
 _SECOND = 1_000_000_000
 # Of frames, for what the loop averages [s].
 _LONGEST_PERIOD = 0.2
@@ -152,7 +154,7 @@ class ServoCycle:
         if found is None:
             self._factor, self._spread = 0.0, None
             if self._path.is_planning:
-                return Command(Mode.HALTED, "a path is being planned")
+                return Command(Mode.HALTED, PLANNING)
             return Command(Mode.REFUSED, "" if self.plan is None else self.plan.reason)
         reference, pose = found
         rows = [row for row, i in enumerate(lines.ids) if i in reference.target]

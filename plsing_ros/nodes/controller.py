@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -18,6 +18,7 @@ from plsing_msgs.srv import CheckTarget
 from plsing_ros.control.command import Command, Mode
 from plsing_ros.control.halt_messages import HaltMessages
 from plsing_ros.control.servo_controller import ServoController
+from plsing_ros.control.servo_cycle import PLANNING
 from plsing_ros.errors import PlsingError
 from plsing_ros.features.feature_message import sender_text
 from plsing_ros.features.target import Target
@@ -41,7 +42,7 @@ from plsing_ros.nodes.second_publishers import SecondPublishers
 from plsing_ros.nodes.tool_transform import ToolTransform
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.planning.detour import Plan
-from plsing_ros.planning.planner import PlanProcess
+from plsing_ros.planning.planner import Answer, PlanProcess
 
 _LEVELS = {
     Mode.WAITING: DiagnosticStatus.STALE,
@@ -113,7 +114,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._tool = ToolTransform(self)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
         self.serve(SetBool, "~/enable", self._on_enable)
-        self.serve(CheckTarget, "~/check_target", self._on_check_target)
+        self.serve_slowly(CheckTarget, "~/check_target", self._on_check_target)
         self.create_steady_timer(parameters.watchdog_period, self._on_watchdog)
         self.start()
 
@@ -138,6 +139,8 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
             f"{len(parameters.lines_points) // 3} lines in {parameters.scene_frame}; target from "
             f"{parameters.target_source}, gate {parameters.gate}; {self.topics('line_features', 'cmd_twist')}"
         )
+        if parameters.law == "detour":
+            self.get_logger().info("the process that plans paths is started; the camera stands still until it is ready")
         self._say_where_it_leads()
 
     def _say_where_it_leads(self) -> None:
@@ -216,19 +219,21 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         response.success, response.message = True, "enabled" if request.data else "disabled: zero twist"
         return response
 
-    def _on_check_target(self, request: CheckTarget.Request, response: CheckTarget.Response) -> CheckTarget.Response:
-        frame = self.parameters.scene_frame
-        note = "" if self.parameters.law == "detour" else f"law {self.parameters.law} plans no path; detour would say: "
+    def _on_check_target(
+        self, request: CheckTarget.Request, response: CheckTarget.Response
+    ) -> Generator[None, None, CheckTarget.Response]:
+        frame, parameters = self.parameters.scene_frame, self.parameters
+        note = "" if parameters.law == "detour" else f"law {parameters.law} plans no path; detour would say: "
         try:
             target, start = target_question(request, frame)
-            check = self._servo.check_target(target, start)
-            response = target_answer(check, note, header(self.now(), frame))
-            laws = laws_without_noise(self.parameters, check.start, target)
-            response.reason += f"; rolled out to the target without noise, {laws}"
-            return response
+            check = yield from _waited_for(self._servo.check_target(target, start))
+            laws = yield from _waited_for(self._planner.ask(laws_without_noise, parameters, check.start, target))
         except PlsingError as error:
             response.success, response.message = False, str(error)
             return response
+        answer = target_answer(check, note, header(self.now(), frame))
+        answer.reason += f"; rolled out to the target without noise, {laws}"
+        return answer
 
     def _show_target(self) -> None:
         target = self._servo.target
@@ -271,7 +276,8 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         self._publish_path(stamp)
         previous, self._latest = self._latest, command
         if previous is None or command.mode is not previous.mode:
-            self.report(f"{command.mode.name}  {command.reason}".strip(), _LEVELS[command.mode])
+            level = DiagnosticStatus.OK if command.reason.startswith(PLANNING) else _LEVELS[command.mode]
+            self.report(f"{command.mode.name}  {command.reason}".strip(), level)
 
     def _publish_path(self, stamp: int) -> None:
         plan = self._servo.plan
@@ -304,6 +310,13 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
                 "warning": "; ".join(filter(None, (self._servo.warning, self._others.text))),
             },
         )
+
+
+def _waited_for(answer: Answer) -> Generator[None, None, Any]:
+    """Yield while the process that plans works on an answer, and return it."""
+    while (found := answer.result()) is None:
+        yield
+    return found
 
 
 _EXAMPLES = """examples:

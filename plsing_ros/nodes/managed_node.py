@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -16,11 +16,13 @@ from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
+from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from plsing_ros.errors import PlsingError, StartError
 from plsing_ros.nodes import qos
+from plsing_ros.nodes.slow_service import LOOK_PERIOD, SlowAnswer, SlowService
 from plsing_ros.parameters.node import AUTOSTART, AUTOSTART_DEFAULT
 
 # A fault in a stream of messages is said this seldom [s].
@@ -46,6 +48,7 @@ class ManagedNode(LifecycleNode):
         self._configured = self._active = self._starting = self._ending = False
         self._failure = ""
         self._warned: dict[str, str] = {}
+        self._slow: list[Service] = []
         self._latched: dict[str, tuple[Callable[[Any], None], Any]] = {}
         super().__init__(name, **options)
         # Services of rclpy itself (parameters, lifecycle) raise out of spin at some malformed requests.
@@ -169,6 +172,13 @@ class ManagedNode(LifecycleNode):
         """Answer a service while active; otherwise, and at a fault, its answer is success: false with a message."""
         self.create_service(service_type, name, self.guarded(callback))
 
+    def serve_slowly(self, service_type: type, name: str, answer: SlowAnswer) -> None:
+        """Answer a service as serve does, but go on with everything else until the answer is ready."""
+        service = self.create_service(service_type, name, answer)
+        self._slow.append(service)
+        looked_after = SlowService(service, answer, self.guarded)
+        self.create_steady_timer(LOOK_PERIOD, looked_after.look, also_inactive=True)
+
     def create_steady_timer(self, period: float, callback: Callable[[], None], also_inactive: bool = False) -> None:
         """Call back every period [s] of the wall clock, so also while a simulated clock stands still."""
         wrapped = self._surviving(callback) if also_inactive else self.guarded(callback)
@@ -194,6 +204,11 @@ class ManagedNode(LifecycleNode):
         return call
 
     # -- rclpy -----------------------------------------------------------------------------------------------------
+
+    @property
+    def services(self) -> Iterator[Service]:
+        """Those that an executor serves."""
+        return (each for each in super().services if each not in self._slow)
 
     def create_subscription(
         self, message_type: Any, topic: str, callback: Any, *rest: Any, **options: Any

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What can go wrong around a controller on a robot, each over real topics."""
 
+import os
+import signal
+
 import numpy as np
 import pytest
 from builders import SCENE, TARGET, features, plain_twist, set_number, start_pose, twist_values
@@ -366,6 +369,26 @@ def test_a_target_can_be_asked_about_before_going_there(ros, paper):
     no_pose.target.pose.orientation.w = 0.0
     answer = ros.call(CheckTarget, "controller/check_target", no_pose)
     assert not answer.success and "length 0, expected 1" in answer.message
+
+
+def test_features_are_answered_while_a_target_is_looked_into(ros, paper):
+    loop = ControllerLoop(ros, paper)
+    client = ros.node.create_client(CheckTarget, "controller/check_target")
+    ros.spin_until(client.service_is_ready, "the service")
+    ros.spin_for(0.2)
+    loop.node._planner.start()
+    os.kill(loop.node._planner._process.pid, signal.SIGSTOP)
+    try:
+        answer = client.call_async(question(TARGET, start_pose(2)))
+        for _ in range(3):
+            ros.spin_for(0.1)
+            command, state = loop.answer(features(start_pose(1), loop.now()))
+            assert state.mode == ControllerState.MODE_SERVOING and twist_values(command).any()
+        assert not answer.done()
+    finally:
+        os.kill(loop.node._planner._process.pid, signal.SIGCONT)
+    ros.spin_until(answer.done, "the answer", 60.0)
+    assert answer.result().decision == CheckTarget.Response.DECISION_DETOUR
 
 
 def test_live_changes_reach_the_law(ros, paper):
