@@ -21,9 +21,9 @@ from plsing_ros.parameters.pose_estimator import FilterParameters
 from plsing_ros.pose.estimate import FROM_FILTER, Alternative, PoseEstimate, Verdict, failed_estimate
 from plsing_ros.pose.estimator import PoseEstimator
 from plsing_ros.pose.filter_estimate import TrackSummary
-from plsing_ros.pose.filter_motion import Agreement
+from plsing_ros.pose.filter_motion import MEAN_TIME, Agreement
 from plsing_ros.pose.filter_track import FilterTrack, TrackUpdate
-from plsing_ros.pose.twist_history import TwistHistory
+from plsing_ros.pose.twist_history import MeanTwist, TwistHistory
 
 # Images in a row that a new start must explain before it is believed after the filter was lost.
 _CONFIRMATIONS = 3
@@ -82,6 +82,7 @@ class PoseFilter:
         self._map = _core.FilterMap(lines.direction, lines.pivot, *std)
         self._estimator = PoseEstimator(lines, self.settings)
         self._twists = TwistHistory(self.settings.twist_hold, self.settings.twist_latency)
+        self._mean_twist = MeanTwist(MEAN_TIME)
         self._clock = float(start_time)
         self._tracks: list[FilterTrack] = []
         self._lost = ""
@@ -169,8 +170,9 @@ class PoseFilter:
     def _move_to(self, time: float) -> None:
         if self._time is not None:
             for duration, twist in self._twists.between(self._time, time):
+                mean = self._mean_twist.after(twist, duration)
                 for track in self._all_tracks():
-                    track.predict(twist, duration)
+                    track.predict(twist, mean, duration)
         self._time = time
         self._clock = max(self._clock, time)
 
@@ -256,9 +258,9 @@ class PoseFilter:
         image, covariances = observation.usable_image_lines, self._covariances(observation)
         if time - self._agreed <= _SECOND_CHANCE and len(rows) >= 3:
             for track in self._tracks:
-                update = track.update(rows, image, covariances)
-                if update.agreement is Agreement.AGREES and 3 * sum(update.used) >= 2 * len(rows):
-                    return self._resume(track, update, observation, time)
+                expected = track.update_as_expected(rows, image, covariances)
+                if expected is not None:
+                    return self._resume(track, expected, observation, time)
         if self._candidate is not None:
             update = self._candidate.update(rows, image, covariances)
             if update.agreement is Agreement.AGREES:

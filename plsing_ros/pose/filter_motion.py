@@ -21,6 +21,8 @@ _ITERATIONS = 10
 _FALSE_ALARM = 1e-7
 # The lasting part of a twist's error, the drift, is forgotten in this time [s].
 _DRIFT_TIME = 20.0
+# Over so long the mean of the twists is taken for a robot that moves more evenly than it is told [s].
+MEAN_TIME = 0.2
 # No kind of robot is ever ruled out further than this.
 _MIN_WEIGHT = 1e-12
 _AT_REST = np.zeros(6)
@@ -36,22 +38,25 @@ class _Motion:
 
     Attributes:
         noise: Error of each step, against noise.twist.
-        drift: Lasting error, likewise.
+        drift: Lasting error, likewise; of the mean of the twists that of each component of the mean.
         share: How probable it is at the start.
         rate: How often a robot of another kind becomes one of this [1/s].
+        evenly: Whether it moves by the mean of the twists, as one with inertia does, or one whose odometry is noisy.
     """
 
     noise: float
     drift: float
     share: float
     rate: float
+    evenly: bool = False
 
 
 _MOTIONS = (
     _Motion(noise=1.0, drift=0.02, share=0.5, rate=0.02),
     _Motion(noise=1.0, drift=2.0, share=0.1, rate=0.0001),
-    _Motion(noise=2.0, drift=6.0, share=0.1, rate=0.0001),
-    _Motion(noise=4.0, drift=0.02, share=0.1, rate=0.001),
+    _Motion(noise=4.0, drift=6.0, share=0.1, rate=0.0001),
+    # As uncertain as the mean of twists, at 25 Hz, each of which is wrong by 10 times noise.twist.
+    _Motion(noise=1.0, drift=3.0, share=0.1, rate=0.001, evenly=True),
     _Motion(noise=10.0, drift=0.02, share=0.2, rate=0.001),
 )
 
@@ -140,23 +145,34 @@ class MotionBank:
         ]
         return MotionBank(states, [motion.share for motion in _MOTIONS], settings)
 
-    def predict(self, twist: Array | None, duration: float) -> None:
-        """Move on for a duration [s], by a twist (v, omega) in the camera's frame, or by any motion if it is None."""
+    def predict(self, twist: Array | None, mean: Array | None, duration: float) -> None:
+        """Move on for a duration [s].
+
+        Args:
+            twist: (v, omega) in the camera's frame; None: any motion within the bounds.
+            mean: Of the twists up to now, over MEAN_TIME; None likewise.
+            duration: How long [s].
+        """
         if self._since_update == 0.0:
             self._mix()
-        settings, memory = self._settings, math.exp(-duration / _DRIFT_TIME)
+        settings = self._settings
         self._since_update += duration
-        if twist is None:
+        if twist is None or mean is None:
             # The robot may do anything within its bounds, for as long as nobody says what.
-            twist, speed, turn = _AT_REST, 0.0, 0.0
+            twist = mean = _AT_REST
             rest, rest_turn = settings.max_linear_speed, settings.max_angular_speed
         else:
-            vx, vy, vz, wx, wy, wz = twist.tolist()
-            speed, turn = math.sqrt(vx * vx + vy * vy + vz * vz), math.sqrt(wx * wx + wy * wy + wz * wz)
-            self._speed, self._turn_speed = max(self._speed, speed), max(self._turn_speed, turn)
             rest, rest_turn = settings.noise_linear_velocity, settings.noise_angular_velocity
-        share, by_drift = settings.noise_twist, _drift_twist(twist)
+        (speed, turn), (mean_speed, mean_turn) = _speeds(twist), _speeds(mean)
+        self._speed, self._turn_speed = max(self._speed, speed), max(self._turn_speed, turn)
+        share, by_drift, memory = settings.noise_twist, _drift_twist(twist), math.exp(-duration / _DRIFT_TIME)
         for motion, state in zip(_MOTIONS, self._states, strict=True):
+            if motion.evenly:
+                noise = _spread(motion.noise * share * mean_speed + rest, motion.noise * share * mean_turn + rest_turn)
+                forgotten = math.exp(-duration / MEAN_TIME)
+                by_mean = np.diag(_spread(mean_speed, mean_turn))
+                state.predict(mean, noise, by_mean, motion.drift * share, duration, forgotten)
+                continue
             shift, angle = motion.noise * share * speed, motion.noise * share * turn
             beyond, beyond_turn = shift - share * speed, angle - share * turn
             noise = _spread(shift + rest + _ARM * beyond_turn, angle + rest_turn + _BEND * beyond)
@@ -216,7 +232,7 @@ class MotionBank:
             if innovation.good:
                 worst = max(_values_of(innovation.of_line, used))
                 cost = self._cost(innovation, used)
-                if worst <= gate and innovation.squared <= _quantile(2 * sum(used)) and math.isfinite(cost):
+                if worst <= gate and innovation.squared <= quantile(2 * sum(used)) and math.isfinite(cost):
                     return MotionFit(state, after, innovation, used, cost)
                 suspect = innovation.removal
             else:
@@ -245,13 +261,15 @@ class MotionBank:
         least = min(costs)
         shares = [math.exp(-0.5 * (cost - least)) for cost in costs]
         total = sum(shares)
-        best = fits[costs.index(least)]
+        kind = costs.index(least)
+        best = fits[kind]
         assert best is not None
+        surprise = best.innovation.squared - 2.0 * math.log(max(self._weights[kind], _MIN_WEIGHT))
         states = [best.state if fit is None else fit.state for fit in fits]
         bank = MotionBank(
             states, [max(share / total, _MIN_WEIGHT) for share in shares], self._settings, self._since_update
         )
-        return BankUpdate(bank, best, least - 2.0 * math.log(total))
+        return BankUpdate(bank, best, least - 2.0 * math.log(total), surprise)
 
     def part(self, by_pose: Array, offset: float, std: float) -> MotionBank:
         """Return a part of this, see FilterState.part."""
@@ -291,11 +309,13 @@ class BankUpdate:
         bank: The bank after it.
         fit: Of the most plausible kind of robot.
         cost: -2 log likelihood of the image.
+        surprise: Squared innovation of the fit, and -2 log of how plausible that kind of robot was before.
     """
 
     bank: MotionBank
     fit: MotionFit
     cost: float
+    surprise: float
 
 
 def _mixture(states: list[_core.FilterState], weights: list[float]) -> _core.FilterState:
@@ -328,6 +348,12 @@ def _drift_twist(twist: Array) -> Array:
     )
 
 
+def _speeds(twist: Array) -> tuple[float, float]:
+    """Return how fast a twist moves [m/s], and turns [rad/s]."""
+    vx, vy, vz, wx, wy, wz = twist.tolist()
+    return math.sqrt(vx * vx + vy * vy + vz * vz), math.sqrt(wx * wx + wy * wy + wz * wz)
+
+
 def _spread(linear: float, angular: float) -> Array:
     return np.array((linear, linear, linear, angular, angular, angular))
 
@@ -338,6 +364,6 @@ def _values_of(values: Array, used: list[bool]) -> list[float]:
 
 
 @lru_cache(maxsize=256)
-def _quantile(freedom: int) -> float:
-    """Return what a sum of squares exceeds by chance with the probability of a false alarm."""
-    return float(chi2.isf(_FALSE_ALARM, max(1, freedom)))
+def quantile(freedom: int, probability: float = _FALSE_ALARM) -> float:
+    """Return what a sum of squares exceeds by chance with a probability, that of a false alarm by default."""
+    return float(chi2.isf(probability, max(1, freedom)))

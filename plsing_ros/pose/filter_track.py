@@ -13,7 +13,7 @@ from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters.pose_estimator import FilterParameters
-from plsing_ros.pose.filter_motion import Agreement, BankUpdate, MotionBank, SeenLines
+from plsing_ros.pose.filter_motion import Agreement, BankUpdate, MotionBank, SeenLines, quantile
 
 # A part is split while an image is further from linear than this where it tells least.
 _MAX_NONLINEARITY = 0.5
@@ -28,6 +28,8 @@ _PARTS = (
 # Two parts become one when no more than this is lost, as a divergence. A part ends that is so much less likely, as
 # -2 log of the ratio.
 _MERGING_COST, _MAX_COST = 0.02, 18.0
+# An image that is more improbable than this is not as expected.
+_UNEXPECTED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +92,10 @@ class FilterTrack:
         """T_world_camera."""
         return Pose(self.state.rotation, self.state.position)
 
-    def predict(self, twist: Array | None, duration: float) -> None:
-        """Move on for a duration [s], by a twist (v, omega) in the camera's frame, or by any motion if it is None."""
+    def predict(self, twist: Array | None, mean: Array | None, duration: float) -> None:
+        """Move on for a duration [s], see MotionBank.predict."""
         for part in self._parts:
-            part.bank.predict(twist, duration)
+            part.bank.predict(twist, mean, duration)
         self.state = self._mixture()
 
     def update(self, rows: list[int], image: Array, covariances: Array) -> TrackUpdate:
@@ -110,6 +112,17 @@ class FilterTrack:
             if updates:
                 return self._adopt(updates, agreement)
         return TrackUpdate(Agreement.CONTRADICTS, [False] * len(rows), np.zeros(len(rows)), math.inf, math.inf)
+
+    def update_as_expected(self, rows: list[int], image: Array, covariances: Array) -> TrackUpdate | None:
+        """Use an image if the robot moved as before and most lines are where expected; else stay as it was."""
+        updates = self._updates(SeenLines(self._map, rows, image, covariances), Agreement.AGREES)
+        if not updates:
+            return None
+        best = min(updates, key=lambda each: each[0])[1]
+        count = sum(best.fit.used)
+        if 3 * count < 2 * len(rows) or best.surprise > quantile(2 * count, _UNEXPECTED):
+            return None
+        return self._adopt(updates, Agreement.AGREES)
 
     def _updates(self, seen: SeenLines, agreement: Agreement) -> list[tuple[float, BankUpdate]]:
         """Return what an image makes of all parts, with -2 log of each one's share."""
@@ -157,7 +170,11 @@ class FilterTrack:
         self.state = self._mixture()
         innovation, freedom = best.fit.innovation, 2 * sum(best.fit.used)
         return TrackUpdate(
-            agreement, best.fit.used, innovation.reversed, math.sqrt(innovation.squared / max(1, freedom)), own
+            agreement,
+            best.fit.used,
+            innovation.reversed,
+            math.sqrt(innovation.squared / max(1, freedom)),
+            own,
         )
 
     def _shares(self) -> list[float]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,6 +21,26 @@ class _Held:
     start: float
     end: float
     twist: Array | None
+
+
+class MeanTwist:
+    """Mean of twists, weighed by exp(-age / time).
+
+    Args:
+        time: How far back it reaches [s].
+    """
+
+    def __init__(self, time: float) -> None:
+        self._time = time
+        self._mean: Array | None = None
+
+    def after(self, twist: Array | None, duration: float) -> Array | None:
+        """Return the mean after a twist for a duration [s]; None, and all before is forgotten, if it is not known."""
+        if twist is None or self._mean is None:
+            self._mean = twist
+        else:
+            self._mean = self._mean - math.expm1(-duration / self._time) * (twist - self._mean)
+        return self._mean
 
 
 class TwistHistory:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pose filter on sequences simulated here, across the paper's transversal and under wrong input."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +15,7 @@ from strategies import numbers, twists, vectors
 from paper.scenes import four_lines
 from plsing_ros import _core
 from plsing_ros.errors import GeometryError, ObservationError, ParameterError
-from plsing_ros.features import LineObservation
+from plsing_ros.features import LineObservation, interaction_matrix
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import FilterParameters
 from plsing_ros.pose import PoseFilter, Verdict, filter_track
@@ -37,6 +39,16 @@ def crossing(generator, frames, speed=0.2):
     return [start.integrate(twist, k * DT) for k in range(frames)], twist
 
 
+def along_the_unseen_motion(generator, frames, speed=0.1):
+    """The same for a camera that goes across the transversal as the image there does not tell."""
+    middle = np.array([0.7809, -2.024, 3.50])
+    there = Pose.look_at(middle, np.zeros(3), down=generator.normal(size=3))
+    unseen = np.linalg.svd(interaction_matrix(LINES.transformed(there.inverse(), "camera")))[2][-1]
+    twist = speed / np.linalg.norm(unseen[:3]) * unseen
+    start = there.integrate(twist, -0.5 * frames * DT)
+    return [start.integrate(twist, k * DT) for k in range(frames)], twist
+
+
 def off(pose, generator, position=0.01, turn=0.0035):
     rotation = Rotation.from_rotvec(turn * generator.normal(size=3)).as_matrix() @ pose.rotation
     start = Pose(rotation, pose.translation + position * generator.normal(size=3))
@@ -50,6 +62,12 @@ def error(true, estimate):
 
 def squared_error(true, estimate):
     return error(true, estimate) @ np.linalg.solve(estimate.covariance, error(true, estimate))
+
+
+def position_off_by(true, estimate):
+    """How many standard deviations the position is off."""
+    off_by = error(true, estimate)[:3]
+    return math.sqrt(off_by @ np.linalg.solve(estimate.covariance[:3, :3], off_by))
 
 
 def follow(pose_filter, poses, twist, generator, first=0):
@@ -160,6 +178,43 @@ def test_a_twist_that_is_too_fast_or_slow_does_not_mislead(scale):
         pose_filter = PoseFilter(LINES, FilterParameters(noise_image=NOISE), **off(poses[0], generator))
         for pose, estimate in zip(poses, follow(pose_filter, poses, scale * twist, generator), strict=True):
             assert estimate.pose is not None and squared_error(pose, estimate) < 36.0
+
+
+@pytest.mark.parametrize(("share", "frames", "wrong"), [(0.2, 90, 0.01), (0.5, 40, 0.02)])
+def test_a_twist_that_is_wrong_anew_in_each_frame_does_not_mislead(share, frames, wrong):
+    """A robot that stands still would explain such twists as well, if their mean did not."""
+    off_by = []
+    for seed in range(12):
+        generator = np.random.default_rng([seed, 12])
+        poses, twist = along_the_unseen_motion(generator, frames)
+        size = np.repeat([np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])], 3)
+        pose_filter = PoseFilter(LINES, FilterParameters(noise_image=NOISE), **off(poses[0], generator))
+        for k, pose in enumerate(poses):
+            if k > 0:
+                pose_filter.predict(twist + share * generator.normal(size=6) * size, DT)
+            estimate = pose_filter.update(image_of(LINES, pose, NOISE, generator), k * DT)
+            if estimate.pose is not None:
+                off_by.append(position_off_by(pose, estimate))
+    assert np.mean(np.array(off_by) > 5.0) < wrong
+
+
+def test_a_camera_teleported_beside_a_locus_is_not_taken_for_where_it_was():
+    lost = 0
+    for seed in range(12):
+        generator = np.random.default_rng([seed, 13])
+        poses, twist = crossing(generator, 40)
+        pose_filter = PoseFilter(LINES, FilterParameters(noise_image=NOISE), **off(poses[0], generator))
+        follow(pose_filter, poses[:15], twist, generator)
+        shift = generator.normal(size=3)
+        there = [Pose(each.rotation, each.translation + 0.5 * shift / np.linalg.norm(shift)) for each in poses[15:]]
+        estimates = follow(pose_filter, there, twist, generator, first=15)
+        if estimates[0].verdict is Verdict.LOST:
+            lost += 1
+            assert all(
+                e.pose is None or position_off_by(pose, e) < 5.0 for pose, e in zip(there, estimates, strict=True)
+            )
+    # Images tell nothing of a shift along the transversal.
+    assert lost >= 10
 
 
 def test_from_a_start_that_is_far_off_the_covariance_is_right():
