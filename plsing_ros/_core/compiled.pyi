@@ -91,6 +91,22 @@ def are_consistent(
     Source: new, docs/refusals.md; what is not certain is looked at by features.consistency.
     """
 
+def exchanged_pair(
+    image_lines: Array, moment: Array, covariances: Array, map_std: float, min_cosine: float, log_ratio: float
+) -> tuple[int, int] | None:
+    """Return the rows of two image lines that fit much better with each other's 3-D line, or None.
+
+    Args:
+        image_lines: Shape (n, 3).
+        moment: Of their 3-D lines in the camera frame, shape (n, 3) [m].
+        covariances: Of angle and offset of each image line, shape (n, 3).
+        map_std: Of a line in the map [m].
+        min_cosine: Between the planes of two lines that are looked at.
+        log_ratio: By which exchanging them must be more likely.
+
+    Source: features.near_pairs.
+    """
+
 # features.cpp
 
 def subtract(a: Array, b: Array) -> tuple[Array, float]:
@@ -353,6 +369,9 @@ def compare_lines(
         seen_direction: Of the same lines as the camera sees them, in its frame, shape (n, 3).
         seen_moment: Likewise, shape (n, 3) [m].
     """
+
+def pose_covariance(values: Array) -> Array | None:
+    """Return the symmetric part of a matrix, shape (6, 6), or None if that is zero, not finite, or no covariance."""
 
 def image_deviation(moment: Array, image_lines: Array) -> float:
     """Return the sum of squares of the images of lines of these moments (n, 3) [m] minus image lines (n, 3).

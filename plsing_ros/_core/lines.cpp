@@ -203,6 +203,48 @@ bool are_consistent_with_pose(const Vectors &image_lines, const Vectors &directi
            (turn_cosine >= min_turn_cosine && (pose.translation - translation).norm() <= max_distance);
 }
 
+py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, const Vectors &covariances, double map_std,
+                          double min_cosine, double log_ratio)
+{
+    const Eigen::Index n = image_lines.rows();
+    require(moment.rows() == n && covariances.rows() == n, "there must be a moment and a covariance for each line");
+    struct Line {
+        Vector3d normal, seen, expected;
+        double variance[3];
+    };
+    std::vector<Line> lines;
+    for (Eigen::Index i = 0; i < n; i++) {
+        const Vector3d own = moment.row(i);
+        const double depth = std::hypot(own[0], own[1]);
+        Line line{own / own.norm(), image_lines.row(i), own / depth, {}};
+        const auto each = covariances.row(i);
+        // Of the ends of the piece that is seen, which the image has with this variance.
+        const double ends = 2.0 * (each[2] - each[1] * each[1] / each[0]), share = map_std / depth;
+        for (int k = 0; k < 3; k++) line.variance[k] = each[k] * (1.0 + share * share / ends);
+        lines.push_back(line);
+    }
+    const auto turn = [](const Vector3d &from, const Vector3d &to) {
+        return std::atan2(from[0] * to[1] - from[1] * to[0], from[0] * to[0] + from[1] * to[1]);
+    };
+    py::object found = py::none();
+    double most = log_ratio;
+    for (Eigen::Index i = 0; i < n; i++)
+        for (Eigen::Index j = i + 1; j < n; j++) {
+            const Line &one = lines[i], &other = lines[j];
+            if (!(one.normal.dot(other.normal) > min_cosine)) continue;
+            const double x = turn(other.seen, one.seen), y = one.seen[2] - other.seen[2];
+            const double x0 = turn(other.expected, one.expected), y0 = one.expected[2] - other.expected[2];
+            const double a = one.variance[0] + other.variance[0], b = one.variance[1] + other.variance[1],
+                         c = one.variance[2] + other.variance[2];
+            // d' S^-1 d0 for S = (a b; b c).
+            const double product = (c * x * x0 - b * (x * y0 + y * x0) + a * y * y0) / (a * c - b * b);
+            if (!(-2.0 * product > most)) continue;
+            most = -2.0 * product;
+            found = py::make_tuple(i, j);
+        }
+    return found;
+}
+
 }  // namespace
 
 void bind_lines(py::module_ &module)
@@ -214,6 +256,7 @@ void bind_lines(py::module_ &module)
     module.def("align_lines", &align_lines);
     module.def("are_consistent", &are_consistent);
     module.def("are_consistent", &are_consistent_with_pose);
+    module.def("exchanged_pair", &exchanged_pair);
 }
 
 }  // namespace plsing

@@ -49,6 +49,16 @@ py::tuple compare_lines(const Vectors &direction, const Vectors &moment, const V
                           stacked({seen_direction - expected.direction, seen_moment - expected.moment}));
 }
 
+py::object pose_covariance(const View<6, 6> &values)
+{
+    const Matrix6d symmetric = 0.5 * (values + values.transpose());
+    if (!symmetric.allFinite() || symmetric.isZero(0.0)) return py::none();
+    // Rounding may leave a variance just below zero.
+    const Matrix6d lifted = symmetric + 1e-9 * Matrix6d::Identity();
+    if (Eigen::LLT<Matrix6d>(lifted).info() != Eigen::Success) return py::none();
+    return array_of(symmetric);
+}
+
 double image_deviation(const Vectors &moment, const Vectors &image_lines)
 {
     require(moment.rows() == image_lines.rows(), "there must be an image line for each moment");
@@ -110,6 +120,7 @@ void bind_monitoring(py::module_ &module)
     module.def("step_law", &step_law);
     module.def("compare_lines", &compare_lines);
     module.def("image_deviation", &image_deviation);
+    module.def("pose_covariance", &pose_covariance);
     module.def("closest_points", &closest_points);
     module.def("closest_approach", &closest_approach);
 }

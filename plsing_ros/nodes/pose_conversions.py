@@ -9,6 +9,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Transform
 from std_msgs.msg import Header
 
 from plsing_msgs.msg import PoseEstimate as PoseEstimateMessage
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import Pose
@@ -62,11 +63,7 @@ def covariance_from_message(message: PoseWithCovarianceStamped) -> Array | None:
 
     None if it is zero, or no covariance: not finite, or with a negative variance.
     """
-    covariance = np.reshape(message.pose.covariance, (6, 6))
-    symmetric = 0.5 * (covariance + covariance.T)
-    if not np.isfinite(symmetric).all() or not symmetric.any() or np.linalg.eigvalsh(symmetric)[0] < -1e-9:
-        return None
-    return symmetric
+    return _core.pose_covariance(np.reshape(message.pose.covariance, (6, 6)))
 
 
 def pose_from_message(message: PoseStamped, frame: str) -> Pose:

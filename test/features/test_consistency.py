@@ -186,4 +186,4 @@ def test_nearly_equal_image_lines_that_are_exchanged_are_named_where_noise_lets_
     separation = np.linalg.norm(apart) / (np.sqrt(2.0) * total)
     assert exchanged_pair(image, moment, own, 0.005) is None
     if separation > 8.0:
-        assert exchanged_pair(image[::-1], moment, own, 0.005) == (0, 1)
+        assert exchanged_pair(image[::-1].copy(), moment, own, 0.005) == (0, 1)
