@@ -119,9 +119,9 @@ MUTANTS = {
     "reversed_line": Mutant(
         "a line seen against its direction is refused",
         "geometry/line_alignment.py",
-        r"(?s)(def refuse_reversed.*?\n    if )(.*?):\n",
-        r"\1False and \2:\n",
-        "test/geometry test/monitoring test/features",
+        r"if ids := (.*):",
+        r"if False and \1:",
+        "test/geometry",
     ),
     "closest_approach": Mutant(
         "only what is ahead within the horizon counts as an approach",

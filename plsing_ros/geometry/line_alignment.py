@@ -9,15 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from plsing_ros import _core
-from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.geometry.line_set import LineSet
 from plsing_ros.geometry.pose import Pose
 
 # Below this second singular value (of directions with unit weight each) the directions are taken as parallel.
 _PARALLEL = 1e-6
-# A direction whose cosine to the expected one is below this points the other way, whatever the noise.
-_REVERSED = -0.5
 # Features whose directions fit the scene no better than this do not belong to it [rad].
 _MAX_MISFIT = 0.5
 
@@ -84,23 +81,6 @@ def matched_rows(scene: LineSet, seen: LineSet) -> list[int]:
     return [row_of[i] for i in seen.ids]
 
 
-def reversed_lines(scene: LineSet, seen: LineSet, rotation: Array) -> tuple[int, ...]:
-    """Return the ids of seen lines that point against those of the scene.
-
-    Args:
-        scene: In the scene frame.
-        seen: In the camera frame.
-        rotation: Of T_world_camera, shape (3, 3); the noise of both may be large.
-    """
-    direction = scene.direction if seen.ids == scene.ids else scene.direction[matched_rows(scene, seen)]
-    expected = direction @ rotation
-    # No cosine is above one: a sum that large leaves none to be looked at.
-    if float(np.vdot(expected, seen.direction)) > len(expected) - 1 + _REVERSED + 1e-6 * len(expected):
-        return ()
-    cosine = np.einsum("ij,ij->i", expected, seen.direction)
-    return tuple(seen.ids[row] for row in np.flatnonzero(cosine < _REVERSED))
-
-
 def lines_to_reverse(scene: LineSet, seen: LineSet, angle: float) -> tuple[int, ...]:
     """Return the id of the one line to reverse so that all fit within an angle [rad]; nothing if there is none.
 
@@ -130,16 +110,10 @@ def pose_by_lines(scene: LineSet, lines: LineSet) -> Pose | None:
     except GeometryError:
         return None
     if aligned.angle > _MAX_MISFIT:
-        refuse_reversed(lines_to_reverse(scene, lines, _MAX_MISFIT))
+        if ids := lines_to_reverse(scene, lines, _MAX_MISFIT):
+            raise ObservationError(
+                f"line {ids[0]} is reversed with respect to the scene: the sign of its direction must agree with the "
+                "scene's"
+            )
         return None
     return aligned.T_world_camera
-
-
-def refuse_reversed(ids: tuple[int, ...]) -> None:
-    """Raise the ObservationError that names reversed lines, if there are any."""
-    if ids:
-        several = len(ids) > 1
-        raise ObservationError(
-            f"line{'s' if several else ''} {', '.join(map(str, ids))} {'are' if several else 'is'} reversed "
-            "with respect to the scene: the sign of its direction must agree with the scene's"
-        )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.geometry.line_alignment import pose_by_lines, refuse_reversed, reversed_lines
+from plsing_ros.geometry.line_alignment import pose_by_lines
 from plsing_ros.pose.received_poses import ReceivedPoses
 
 
@@ -38,11 +38,10 @@ class CameraPosition:
             tolerance: How far the stamp of a pose may be from theirs [s].
 
         Raises:
-            ObservationError: If a line is reversed with respect to the scene.
+            ObservationError: If no pose is known and a line is reversed with respect to the scene.
         """
         pose = self.received(stamp, tolerance)
         if pose is not None:
-            refuse_reversed(reversed_lines(scene, lines, pose.rotation))
             return pose, "camera_pose"
         pose = pose_by_lines(scene, lines)
         return pose, "" if pose is None else "features"

@@ -7,9 +7,9 @@ from hypothesis import assume, given, settings
 from scipy.spatial.transform import Rotation
 from strategies import line_sets, poses
 
-from plsing_ros.errors import GeometryError
+from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.geometry import LineSet, align_lines
-from plsing_ros.geometry.line_alignment import lines_to_reverse, reversed_lines
+from plsing_ros.geometry.line_alignment import lines_to_reverse, pose_by_lines
 
 
 def spread(lines):
@@ -49,14 +49,17 @@ def test_a_reversed_line_is_named(lines, pose):
     seen = lines.transformed(pose.inverse(), "camera")
     sign = np.array([[1.0], [1.0], [-1.0], [1.0]])
     turned = LineSet(seen.direction * sign, seen.moment * sign, "camera", seen.ids)
-    assert reversed_lines(lines, seen, pose.rotation) == ()
-    assert reversed_lines(lines, turned, pose.rotation) == (3,)
+    np.testing.assert_allclose(pose_by_lines(lines, seen).rotation, pose.rotation, atol=1e-6)
     assert align_lines(lines, turned).angle > 0.1
     # Lines along the axes fit as well when another one is reversed: the first that does is named.
     misfit = np.array([misfit_without(lines, turned, row) for row in range(4)])
     assume(not ((misfit > 1e-7) & (misfit < 1e-3)).any())
     assert misfit[2] <= 1e-7
-    assert lines_to_reverse(lines, turned, 1e-6) == (int(np.flatnonzero(misfit <= 1e-7)[0]) + 1,)
+    first = int(np.flatnonzero(misfit <= 1e-7)[0]) + 1
+    assert lines_to_reverse(lines, turned, 1e-6) == (first,)
+    if align_lines(lines, turned).angle > 0.6:
+        with pytest.raises(ObservationError, match=r"line \d is reversed"):
+            pose_by_lines(lines, turned)
 
 
 def test_what_does_not_fix_a_pose_is_refused():
