@@ -49,10 +49,10 @@ class Sequence:
     distance: np.ndarray
 
 
-def sequences(seed: int, count: int) -> Iterator[tuple[Sequence, np.random.Generator]]:
-    """Yield sequences of random scenes, every tenth one of the paper's scene instead."""
+def sequences(seed: int, numbers: range) -> Iterator[tuple[Sequence, np.random.Generator]]:
+    """Yield sequences of random scenes, every tenth one of the paper's scene instead, by their numbers from 0 on."""
     number = made = 0
-    while made < count:
+    while made < numbers.stop:
         number += 1
         generator = np.random.default_rng([seed, number, 77])
         if number % 10 == 0:
@@ -63,7 +63,8 @@ def sequences(seed: int, count: int) -> Iterator[tuple[Sequence, np.random.Gener
             lines, poses = task.lines, straight(task.start, task.target)
         if all(image_depth(lines.transformed(pose.inverse(), "camera")).min() > _MIN_DEPTH for pose in poses):
             made += 1
-            yield sequence(lines, poses, generator), generator
+            if made - 1 in numbers:
+                yield sequence(lines, poses, generator), generator
 
 
 def straight(start: Pose, goal: Pose) -> list[Pose]:

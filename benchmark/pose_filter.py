@@ -28,7 +28,6 @@ from types import ModuleType
 
 import numpy as np
 from scipy.stats import chi2
-from tqdm import tqdm
 
 from benchmark.camera_sequences import (
     NOISE,
@@ -44,6 +43,7 @@ from benchmark.camera_sequences import (
     size_of,
     squared,
 )
+from benchmark.kept_results import kept_results, parts
 from benchmark.pose_filter_faults import disturbances
 from benchmark.pose_filter_scenes import flat_scenes, measured_covariances
 from benchmark.timing import median_seconds
@@ -75,16 +75,16 @@ def report(seed: int, scenes: int) -> None:
         print(line, flush=True)
 
 
-# Columns of a record: distance to the locus, error of the position, NEES of all, position and orientation, jump in
-# standard deviations.
-_COLUMNS = 6
+# Columns of a record: distance to the locus, error of the position, NEES of all, position and orientation, jump from
+# where the twist led, and change of the error, both in standard deviations.
+_COLUMNS = 7
 
 
 def filtered(seen: Sequence, start: Pose, covariance: np.ndarray) -> np.ndarray:
     """Return what a filter makes of a sequence, a row of _COLUMNS for each frame that has a pose."""
     pose_filter = PoseFilter(seen.lines, FilterParameters(noise_image=NOISE), start=start, start_covariance=covariance)
     rows: list[tuple[float, ...]] = []
-    before = covariance
+    before, error_before = covariance, np.zeros(6)
     for k, (true, image) in enumerate(zip(seen.poses, seen.images, strict=True)):
         if k > 0:
             pose_filter.predict(seen.twists[k - 1], 1.0 / RATE)
@@ -92,11 +92,14 @@ def filtered(seen: Sequence, start: Pose, covariance: np.ndarray) -> np.ndarray:
         estimate = pose_filter.update(image, k / RATE)
         if estimate.pose is None:
             continue
-        error, jump = error_of(true, estimate.pose), 0.0
+        error, jump, change = error_of(true, estimate.pose), 0.0, 0.0
         if k > 0 and expected is not None:
-            jump = float(np.abs(error_of(estimate.pose, expected) / np.sqrt(np.diag(before))).max())
-        before = estimate.covariance
-        rows.append((seen.distance[k], np.linalg.norm(error[:3]), *squared(error, estimate.covariance), jump))
+            # The twist, too, is known to its noise only.
+            reach = np.sqrt(np.diag(before) + np.square(TWIST_NOISE * size_of(seen.twists[k - 1]) / RATE))
+            jump = float(np.abs(error_of(estimate.pose, expected) / reach).max())
+            change = float(np.abs((error - error_before) / np.sqrt(np.diag(before))).max())
+        before, error_before = estimate.covariance, error
+        rows.append((seen.distance[k], np.linalg.norm(error[:3]), *squared(error, before), jump, change))
     return np.array(rows).reshape(-1, _COLUMNS)
 
 
@@ -157,37 +160,46 @@ def gtsam_filtered(gtsam: ModuleType, seen: Sequence, start: Pose, covariance: n
         back[:3, 3:] = back[3:, :3] = pose.rotation
         error = error_of(true, pose)
         rows.append(
-            (seen.distance[k], np.linalg.norm(error[:3]), *squared(error, back @ ekf.covariance() @ back.T), 0.0)
+            (seen.distance[k], np.linalg.norm(error[:3]), *squared(error, back @ ekf.covariance() @ back.T), 0.0, 0.0)
         )
     return np.array(rows).reshape(-1, _COLUMNS)
 
 
+def crossed(task: tuple[str, int, range]) -> dict[str, list[np.ndarray]]:
+    """Return what filter and rivals make of sequences, by the name of the start, seed and numbers."""
+    name, seed, numbers = task
+    gtsam, poselib = _imported("gtsam"), _imported("poselib")
+    records: dict[str, list[np.ndarray]] = {}
+    for number, (seen, generator) in zip(numbers, sequences(seed, numbers), strict=True):
+        start = off_start(seen.poses[0], STARTS[name], generator)
+        records.setdefault("filter", []).append(filtered(seen, *start))
+        # The rivals take a hundred times as long, so every fifth sequence is theirs.
+        if number % 5 == 0:
+            records.setdefault("single images, from the last pose", []).append(single_images(seen, start[0]))
+            if poselib is not None:
+                records.setdefault("PoseLib, points and lines", []).append(poselib_images(poselib, seen))
+            if gtsam is not None:
+                records.setdefault("GTSAM, invariant filter", []).append(gtsam_filtered(gtsam, seen, *start))
+    return records
+
+
 def crossings(seed: int, scenes: int) -> Iterator[str]:
     """Yield the table of errors and NEES by distance to the loci, for the filter and its rivals."""
-    gtsam, poselib = _imported("gtsam"), _imported("poselib")
-    for name, size in STARTS.items():
+    for name in STARTS:
         records: dict[str, list[np.ndarray]] = {}
-        for seen, generator in tqdm(
-            sequences(seed, scenes), total=scenes, desc=f"crossings, start {name}", leave=False
-        ):
-            start = off_start(seen.poses[0], size, generator)
-            records.setdefault("filter", []).append(filtered(seen, *start))
-            # The rivals take a hundred times as long, so every fifth sequence is theirs.
-            if len(records["filter"]) % 5 == 1:
-                records.setdefault("single images, from the last pose", []).append(single_images(seen, start[0]))
-                if poselib is not None:
-                    records.setdefault("PoseLib, points and lines", []).append(poselib_images(poselib, seen))
-                if gtsam is not None:
-                    records.setdefault("GTSAM, invariant filter", []).append(gtsam_filtered(gtsam, seen, *start))
+        for part in kept_results(crossed, [(name, seed, numbers) for numbers in parts(scenes)]):
+            for rival, runs in part.items():
+                records.setdefault(rival, []).extend(runs)
         yield f"start {name}, {scenes} sequences; NEES of all, position, orientation: 95 % of means in {_bands(scenes)}"
         for rival, runs in records.items():
             for low, high in BANDS:
                 yield _crossing_row(rival, low, high, runs)
         yield _consistency_row(records["filter"])
-        jumps = np.concatenate([run[:, 5] for run in records["filter"]])
-        high = np.quantile(jumps, 0.999)
-        yield f"  largest jump between frames: {jumps.max():.2f} standard deviations; 99.9 %: {high:.2f}"
-    missing = [each for each, module in (("gtsam", gtsam), ("poselib", poselib)) if module is None]
+        for column, what in ((5, "jump from where the twist led"), (6, "change of the error between frames")):
+            values = np.concatenate([run[:, column] for run in records["filter"]])
+            high = np.quantile(values, 0.999)
+            yield f"  largest {what}: {values.max():.2f} standard deviations; 99.9 %: {high:.2f}"
+    missing = [each for each in ("gtsam", "poselib") if _imported(each) is None]
     if missing:
         yield f"not installed, so not measured: {', '.join(missing)}"
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from tqdm import tqdm
 
 from benchmark.camera_sequences import (
     NOISE,
@@ -24,6 +23,7 @@ from benchmark.camera_sequences import (
     size_of,
     squared,
 )
+from benchmark.kept_results import kept_results, parts
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.parameters import FilterParameters
@@ -55,36 +55,33 @@ class Tally:
     recovery: list[float] = dataclasses.field(default_factory=list)
     unrecovered: int = 0
 
+    def add(self, other: Tally) -> None:
+        """Take the runs of another one in."""
+        for field in dataclasses.fields(self):
+            setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
+
+
+def tallied(task: tuple[str, int, range]) -> Tally:
+    """Return what became of sequences with a disturbance of CASES, by name, seed and numbers."""
+    name, seed, numbers = task
+    tally = Tally()
+    for seen, generator in sequences(seed, numbers):
+        if name.startswith("teleported"):
+            changed, returned = _teleported(seen, generator)
+        else:
+            changed, returned = CASES[name](seen, generator), None
+        _tally(changed, generator, tally, 3 if "latency" in name else 0, returned)
+    return tally
+
 
 def disturbances(seed: int, runs: int) -> Iterator[str]:
     """Yield the table of what the filter says under wrong input, from a start known to 1 cm."""
-    cases: dict[str, Callable[[Sequence, np.random.Generator], Sequence]] = {
-        "none": lambda seen, generator: seen,
-        "20 % wrong lines": lambda seen, generator: _with_wrong_lines(seen, generator, 0.2),
-        **{
-            f"twist {share:.0%} too fast or slow": lambda seen, generator, share=share: _scaled(seen, generator, share)
-            for share in (0.05, 0.2, 0.5)
-        },
-        **{
-            f"twist {share:.0%} wrong in each frame": lambda seen, generator, share=share: dataclasses.replace(
-                seen, twists=[each + share * size_of(each) * generator.normal(size=6) for each in _true_twists(seen)]
-            )
-            for share in (0.2, 0.5)
-        },
-        "10 % dropped frames": lambda seen, generator: _dropped(seen, generator, 0.1),
-        "3 frames of latency": lambda seen, generator: seen,
-        "teleported by 0.5 m": lambda seen, generator: seen,
-        "2 s without features": lambda seen, generator: _blind(seen),
-    }
     yield f"disturbances, {runs} sequences each; wrong: further off than {_WRONG:g} standard deviations (median / max)"
-    for name, disturb in cases.items():
-        tally = Tally()
-        for seen, generator in tqdm(sequences(seed + 1000, runs), total=runs, desc=name, leave=False):
-            if name.startswith("teleported"):
-                changed, returned = _teleported(seen, generator)
-            else:
-                changed, returned = disturb(seen, generator), None
-            _tally(changed, generator, tally, 3 if "latency" in name else 0, returned)
+    tasks = [(name, seed + 1000, numbers) for name in CASES for numbers in parts(runs)]
+    tallies = {name: Tally() for name in CASES}
+    for (name, *_), tally in zip(tasks, kept_results(tallied, tasks), strict=True):
+        tallies[name].add(tally)
+    for name, tally in tallies.items():
         recovery = "-" if not tally.recovery else f"{np.median(tally.recovery):.2f} / {max(tally.recovery):.2f} s"
         yield (
             f"  {name:32s} wrong poses {tally.wrong:4d} of {tally.frames} ({tally.wrong / max(1, tally.frames):.2%}); "
@@ -181,3 +178,23 @@ def _teleported(seen: Sequence, generator: np.random.Generator) -> tuple[Sequenc
     poses = [Pose(pose.rotation, pose.translation + shift) if k >= first else pose for k, pose in enumerate(seen.poses)]
     images = [*seen.images[:first], *(noisy_image(seen.lines, pose, generator) for pose in poses[first:])]
     return dataclasses.replace(seen, poses=poses, images=images), first
+
+
+CASES: dict[str, Callable[[Sequence, np.random.Generator], Sequence]] = {
+    "none": lambda seen, generator: seen,
+    "20 % wrong lines": lambda seen, generator: _with_wrong_lines(seen, generator, 0.2),
+    **{
+        f"twist {share:.0%} too fast or slow": lambda seen, generator, share=share: _scaled(seen, generator, share)
+        for share in (0.05, 0.2, 0.5)
+    },
+    **{
+        f"twist {share:.0%} wrong in each frame": lambda seen, generator, share=share: dataclasses.replace(
+            seen, twists=[each + share * size_of(each) * generator.normal(size=6) for each in _true_twists(seen)]
+        )
+        for share in (0.2, 0.5)
+    },
+    "10 % dropped frames": lambda seen, generator: _dropped(seen, generator, 0.1),
+    "3 frames of latency": lambda seen, generator: seen,
+    "teleported by 0.5 m": lambda seen, generator: seen,
+    "2 s without features": lambda seen, generator: _blind(seen),
+}
