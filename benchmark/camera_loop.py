@@ -3,6 +3,7 @@
 
     python3 -m benchmark camera_loop
     python3 -m benchmark camera_loop --quick
+    PLSING_CAMERA_LOOP_SEED=19 PLSING_CAMERA_LOOP_ROWS=rows.json python3 -m benchmark camera_loop
 
 The loop runs in one process, in lockstep: arm and camera, line tracker, controller. The lines are those in the image
 (law pinv), or those that are seen from the tracked pose (law position).
@@ -39,6 +40,8 @@ _LOST = 0.02, np.radians(5.0)
 _VARIANTS = {"lines from the pose": ("position", True), "lines of the image": ("pinv", False)}
 # Rows are kept here, if it is set, and an interrupted study goes on.
 _ROWS = os.environ.get("PLSING_CAMERA_LOOP_ROWS")
+# Of the starts, of the noise of images, and of the errors of first poses.
+_SEED = int(os.environ.get("PLSING_CAMERA_LOOP_SEED", "18"))
 
 
 @dataclass(frozen=True)
@@ -70,8 +73,8 @@ def main(quick: bool = False) -> None:
 
     cv2.setNumThreads(1)
     count = 6 if quick else 100
-    starts = random_starts(count, np.random.default_rng(18))
-    print(f"{count} starts 10 to 30 cm and 10 to 20 degrees from the target, the object in view, noise 2 grey levels\n")
+    starts = random_starts(count, np.random.default_rng(_SEED))
+    print(f"Seed {_SEED}: {count} starts 10 to 30 cm and 10 to 20 degrees from the target, the object in view, noise 2 grey levels\n")
     rows: dict[str, list[Run]] = {name: [] for name in _VARIANTS}
     for number, start in enumerate(starts):
         for name, (law, from_pose) in _VARIANTS.items():
@@ -125,11 +128,13 @@ def run_cached(name: str, number: int, start: Pose, law: str, from_pose: bool) -
     """Return the row of a run, from the file of rows if it is there."""
     if _ROWS is None:
         return run_loop(number, start, law, from_pose)
-    file, key = Path(_ROWS), f"{name} {number}"
+    file, key = Path(_ROWS), f"{name} {_SEED} {number}"
     rows = json.loads(file.read_text()) if file.exists() else {}
     if key not in rows:
         rows[key] = asdict(run_loop(number, start, law, from_pose))
-        file.write_text(json.dumps(rows))
+        whole = file.with_suffix(".new")
+        whole.write_text(json.dumps(rows))
+        whole.replace(file)
     return Run(**rows[key])
 
 
@@ -140,12 +145,12 @@ def run_loop(number: int, start: Pose, law: str, from_pose: bool) -> Run:
         "start.position": given["position"],
         "start.orientation": given["orientation"],
         "mode": "lockstep",
-        "seed": number,
+        "seed": 1000 * _SEED + number,
     }
     controller = read_parameters(config_file(SCENE), "controller") | {"law": law, "gain": _GAIN}
     values = ControllerParameters.from_values(controller)
     loop, target = CameraLoop(ArmSimulatorParameters.from_values(arm), values, from_pose), values.target_pose()
-    random = np.random.default_rng(number)
+    random = np.random.default_rng([_SEED, number])
     away, axis = random.normal(size=(2, 3))
     away *= _FIRST_OFF[0] / np.linalg.norm(away)
     axis *= _FIRST_OFF[1] / np.linalg.norm(axis)
