@@ -74,7 +74,9 @@ def main(quick: bool = False) -> None:
     cv2.setNumThreads(1)
     count = 6 if quick else 100
     starts = random_starts(count, np.random.default_rng(_SEED))
-    print(f"Seed {_SEED}: {count} starts 10 to 30 cm and 10 to 20 degrees from the target, the object in view, noise 2 grey levels\n")
+    print(
+        f"Seed {_SEED}: {count} starts 10 to 30 cm and 10 to 20 degrees from the target, the object in view, noise 2\n"
+    )
     rows: dict[str, list[Run]] = {name: [] for name in _VARIANTS}
     for number, start in enumerate(starts):
         for name, (law, from_pose) in _VARIANTS.items():

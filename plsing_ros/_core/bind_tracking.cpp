@@ -19,7 +19,7 @@ void check(const Image& image)
 py::tuple result_of(const PoseFit& fit)
 {
     return py::make_tuple(fit.pose.rotation, fit.pose.translation, fit.information, fit.scale, fit.chosen,
-                          fit.weights);
+                          fit.weights, fit.squares);
 }
 
 using VisibleEdges = std::vector<VisibleEdge>;

@@ -426,7 +426,7 @@ def closest_approach(
 
 GreyImage = npt.NDArray[np.uint8]
 IntArray = npt.NDArray[np.int32]
-_Fit = tuple[Array, Array, Array, float, list[int], list[float]]
+_Fit = tuple[Array, Array, Array, float, list[int], list[float], float]
 
 class VisibleEdges:
     """Visible parts of edges, sampled, and what was found there."""

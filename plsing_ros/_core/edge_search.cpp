@@ -27,10 +27,12 @@ constexpr double MIN_RESPONSE = 0.7;    // [grey levels], above the rounding to 
 // A grey level, and the light that it stands for, on the same scale.
 using Level = Eigen::Array2d;
 
+using Levels = std::array<Level, 256>;
+
 struct Pixels {
     const std::uint8_t* data;
     int width, height;
-    std::array<Level, 256> levels;
+    const Levels& levels;
 
     // Zero outside, which only strongly distorted images reach.
     Level at(const Vector2d& p) const
@@ -53,30 +55,42 @@ double vertex(double left, double here, double right)
     return curvature < 0.0 ? std::clamp(0.5 * (left - right) / curvature, -0.5, 0.5) : 0.0;
 }
 
+const Levels& levels_of(double gamma)
+{
+    thread_local Levels levels;
+    thread_local double known = -1.0;
+    if (gamma != known) {
+        for (int i = 0; i < 256; ++i)
+            levels[i] = {i, 255.0 * std::pow(i / 255.0, gamma)};
+        known = gamma;
+    }
+    return levels;
+}
+
 }  // namespace
 
 double image_noise(const Image& image)
 {
     // Median of |I * N| for the operator N of Immerkaer (1996), whose answer to noise of unit deviation is 6.
     const auto pixels = image.unchecked<2>();
-    std::vector<int> answers;
+    std::array<int, 8 * 255 + 1> counts{};
+    int total = 0;
     for (py::ssize_t y = 1; y + 1 < pixels.shape(0); y += 7)
-        for (py::ssize_t x = 1 + y % 5; x + 1 < pixels.shape(1); x += 11)
-            answers.push_back(std::abs(
+        for (py::ssize_t x = 1 + y % 5; x + 1 < pixels.shape(1); x += 11, ++total)
+            ++counts[std::abs(
                 pixels(y - 1, x - 1) + pixels(y - 1, x + 1) + pixels(y + 1, x - 1) + pixels(y + 1, x + 1) -
-                2 * (pixels(y - 1, x) + pixels(y + 1, x) + pixels(y, x - 1) + pixels(y, x + 1)) + 4 * pixels(y, x)));
-    if (answers.empty())
-        return 0.0;
-    std::nth_element(answers.begin(), answers.begin() + answers.size() / 2, answers.end());
-    return 1.4826 * answers[answers.size() / 2] / 6.0;
+                2 * (pixels(y - 1, x) + pixels(y + 1, x) + pixels(y, x - 1) + pixels(y, x + 1)) + 4 * pixels(y, x))];
+    int median = 0;
+    for (int below = counts[0]; below <= total / 2 && total > 0; below += counts[median])
+        ++median;
+    return 1.4826 * median / 6.0;
 }
 
 void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Camera& camera, int range, double noise,
                   double gamma, const Eigen::VectorXd& contrast)
 {
-    Pixels pixels{image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)), {}};
-    for (int i = 0; i < 256; ++i)
-        pixels.levels[i] = {i, 255.0 * std::pow(i / 255.0, gamma)};
+    const Pixels pixels{image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
+                        levels_of(gamma)};
     const double threshold = std::max(THRESHOLD * NOISE_GAIN * noise / std::sqrt(3.0), MIN_RESPONSE);
     const int reach = range + HALF + 1;
     std::vector<Level> profile(2 * reach + 1), response(2 * range + 3);

@@ -11,6 +11,7 @@ namespace {
 constexpr int MAX_LINES = 3;        // of an edge
 constexpr int TRIALS = 40;          // pairs of samples
 constexpr double TOLERANCE = 1.5;   // [px] of a candidate from its line
+constexpr double SURE = 0.9;        // of the best score that is possible: no better line is looked for
 constexpr double MIN_SUPPORT = 5.0; // samples
 constexpr double MIN_SHARE = 0.2;   // of an edge's samples
 constexpr double MAX_SLOPE = 0.3;   // of a line against its prediction
@@ -23,36 +24,60 @@ struct Straight {
     double offset, slope, score;
 };
 
-// The candidate of a sample nearest to a line, or null.
-const Candidate* nearest(const Sample& sample, const Straight& line)
-{
-    const Candidate* best = nullptr;
-    double least = TOLERANCE;
-    for (int j = 0; j < sample.count; ++j) {
-        const double off = std::abs(sample.candidates[j].offset - line.offset - line.slope * sample.along);
-        if (off < least) {
-            least = off;
-            best = &sample.candidates[j];
+// The samples of an edge that have a candidate, side by side, as all of them are looked at for every line.
+struct Filled {
+    std::vector<double> along;
+    std::array<std::vector<double>, MAX_CANDIDATES> offsets;  // far away where there is no candidate
+    std::vector<const Sample*> samples;
+
+    int size() const { return static_cast<int>(along.size()); }
+
+    void fill(const std::vector<Sample>& all)
+    {
+        along.clear();
+        samples.clear();
+        for (auto& each : offsets)
+            each.clear();
+        for (const Sample& sample : all) {
+            if (sample.count == 0)
+                continue;
+            along.push_back(sample.along);
+            samples.push_back(&sample);
+            for (int j = 0; j < MAX_CANDIDATES; ++j)
+                offsets[j].push_back(j < sample.count ? sample.candidates[j].offset : 1e9);
         }
     }
-    return best;
-}
 
-double score(const std::vector<Sample>& samples, const Straight& line)
+    // How far the candidate nearest to a line is from it, and which one that is.
+    double distance(int i, const Straight& line, int& which) const
+    {
+        const double at = line.offset + line.slope * along[i];
+        double least = offsets[0][i] - at;
+        which = 0;
+        for (int j = 1; j < MAX_CANDIDATES; ++j) {
+            const double off = offsets[j][i] - at;
+            const bool nearer = std::abs(off) < std::abs(least);
+            least = nearer ? off : least;
+            which = nearer ? j : which;
+        }
+        return least;
+    }
+};
+
+double score(const Filled& filled, const Straight& line)
 {
     double sum = 0.0;
-    for (const Sample& sample : samples) {
-        if (const Candidate* candidate = nearest(sample, line)) {
-            const double off = (candidate->offset - line.offset - line.slope * sample.along) / TOLERANCE;
-            // The first candidate has the brightness step that the edge had before.
-            sum += (1.0 - off * off) * (candidate == &sample.candidates[0] ? 1.0 : 0.6);
-        }
+    for (int i = 0; i < filled.size(); ++i) {
+        int which;
+        const double off = filled.distance(i, line, which) * (1.0 / TOLERANCE);
+        // The first candidate has the brightness step that the edge had before.
+        sum += std::max(1.0 - off * off, 0.0) * (which == 0 ? 1.0 : 0.6);
     }
     return sum;
 }
 
 // Refine a line by reweighted least squares; false if too little of the edge agrees.
-bool refine(const VisibleEdge& edge, double focal, Straight line, FittedLine& fitted)
+bool refine(const VisibleEdge& edge, const Filled& filled, double focal, Straight line, FittedLine& fitted)
 {
     double scale = 0.5 * TOLERANCE;
     Matrix2d normal_matrix;
@@ -63,20 +88,19 @@ bool refine(const VisibleEdge& edge, double focal, Straight line, FittedLine& fi
         Vector2d right = Vector2d::Zero();
         residuals.clear();
         contrast = 0.0;
-        for (const Sample& sample : edge.samples) {
-            const Candidate* candidate = nearest(sample, line);
-            if (!candidate)
+        const double reach = std::min(TOLERANCE, 4.685 * scale);
+        for (int i = 0; i < filled.size(); ++i) {
+            int which;
+            const double residual = filled.distance(i, line, which);
+            if (std::abs(residual) >= reach)
                 continue;
-            const double residual = candidate->offset - line.offset - line.slope * sample.along;
             const double u = residual / (4.685 * scale);
-            if (std::abs(u) >= 1.0)
-                continue;
             const double weight = (1.0 - u * u) * (1.0 - u * u);
-            const Vector2d row(1.0, sample.along);
+            const Vector2d row(1.0, filled.along[i]);
             normal_matrix += weight * row * row.transpose();
-            right += weight * row * candidate->offset;
+            right += weight * row * filled.offsets[which][i];
             residuals.push_back(std::abs(residual));
-            contrast += candidate->response;
+            contrast += filled.samples[i]->candidates[which].response;
         }
         if (static_cast<double>(residuals.size()) < std::max(MIN_SUPPORT, MIN_SHARE * edge.samples.size()))
             return false;
@@ -118,16 +142,17 @@ bool refine(const VisibleEdge& edge, double focal, Straight line, FittedLine& fi
 std::vector<EdgeLines> fit_lines(const std::vector<VisibleEdge>& edges, double focal, int range)
 {
     std::vector<EdgeLines> result;
-    std::vector<int> filled;
+    Filled filled;
     std::vector<Straight> straights;
     for (const VisibleEdge& edge : edges) {
         const auto& samples = edge.samples;
-        filled.clear();
-        for (std::size_t i = 0; i < samples.size(); ++i)
-            if (samples[i].count > 0)
-                filled.push_back(static_cast<int>(i));
-        const int n = static_cast<int>(filled.size());
-        if (n < std::max(MIN_SUPPORT, MIN_SHARE * samples.size()))
+        filled.fill(samples);
+        const int n = filled.size();
+        const double needed = std::max(MIN_SUPPORT, MIN_SHARE * samples.size());
+        // Where hardly a sample has a second candidate, there is no second line.
+        const bool alone = std::count_if(filled.samples.begin(), filled.samples.end(),
+                                         [](const Sample* each) { return each->count > 1; }) < needed;
+        if (n < needed)
             continue;
         straights.clear();
         std::minstd_rand random(1);  // the same lines for the same image
@@ -135,7 +160,7 @@ std::vector<EdgeLines> fit_lines(const std::vector<VisibleEdge>& edges, double f
             const int i = static_cast<int>(random() % n);
             const int apart = std::max(n / 3, 1);
             const int j = (i + apart + static_cast<int>(random() % std::max(n - 2 * apart, 1))) % n;
-            const Sample &first = samples[filled[i]], &second = samples[filled[j]];
+            const Sample &first = *filled.samples[i], &second = *filled.samples[j];
             const double along = second.along - first.along;
             if (std::abs(along) < 1e-9)
                 continue;
@@ -148,8 +173,10 @@ std::vector<EdgeLines> fit_lines(const std::vector<VisibleEdge>& edges, double f
             line.offset = a - line.slope * first.along;
             if (std::abs(line.slope) > MAX_SLOPE || std::abs(line.offset) > range + 1.0)
                 continue;
-            line.score = score(samples, line);
+            line.score = score(filled, line);
             straights.push_back(line);
+            if (alone && line.score > SURE * n)
+                break;
         }
         std::sort(straights.begin(), straights.end(), [](const auto& a, const auto& b) { return a.score > b.score; });
         EdgeLines found;
@@ -167,7 +194,7 @@ std::vector<EdgeLines> fit_lines(const std::vector<VisibleEdge>& edges, double f
                 continue;
             taken.push_back(line);
             FittedLine fitted;
-            if (refine(edge, focal, line, fitted))
+            if (refine(edge, filled, focal, line, fitted))
                 found.lines.push_back(fitted);
         }
         if (!found.lines.empty())

@@ -9,6 +9,7 @@ namespace {
 
 constexpr int ITERATIONS = 12;
 constexpr int CAUCHY_ITERATIONS = 6;
+constexpr double MIN_STEP = 1e-7;
 constexpr double CAUCHY = 2.385, TUKEY = 4.685;
 
 double wrapped(double angle) { return std::remainder(angle, 2.0 * M_PI); }
@@ -96,8 +97,10 @@ PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Tr
         floor = std::max(1.0, fit.scale);
         Matrix6 information = prior_information;
         Vector6 gradient = prior_information * motion(pose, prior);
+        fit.squares = 0.0;
         for (std::size_t i = 0; i < lines.size(); ++i) {
             fit.weights[i] = weight_of(lengths[i] / floor, tukey);
+            fit.squares += fit.weights[i] * lengths[i] * lengths[i];
             const double weight = fit.weights[i] / (floor * floor);
             information += weight * jacobians[i].transpose() * jacobians[i];
             gradient += weight * jacobians[i].transpose() * residuals[i];
@@ -112,8 +115,9 @@ PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Tr
         if (!step.allFinite())
             break;
         pose = pose.moved(step);
-        if (tukey && step.norm() < 1e-7)
-            iteration = ITERATIONS - 1;
+        // On to the next kind of weights, or to the end, where this one has nothing more to say.
+        if (step.norm() < MIN_STEP)
+            iteration = tukey ? ITERATIONS - 1 : CAUCHY_ITERATIONS - 1;
     }
     fit.pose = pose;
     return fit;
@@ -145,8 +149,10 @@ PoseFit fit_points(const Rows3& points, const Rows2& seen, double deviation, Tra
         const double scale = std::max(1.0, fit.scale);
         fit.information.setZero();
         Vector6 gradient = Vector6::Zero();
+        fit.squares = 0.0;
         for (Eigen::Index i = 0; i < n; ++i) {
             fit.weights[i] = weight_of(lengths[i] / scale, tukey);
+            fit.squares += fit.weights[i] * lengths[i] * lengths[i];
             const double weight = fit.weights[i] / (scale * scale);
             fit.information += weight * jacobians[i].transpose() * jacobians[i];
             gradient += weight * jacobians[i].transpose() * residuals[i];
@@ -157,8 +163,9 @@ PoseFit fit_points(const Rows3& points, const Rows2& seen, double deviation, Tra
         if (!step.allFinite() || step.tail<3>().norm() > 1.0)
             break;
         pose = pose.moved(step);
-        if (tukey && step.norm() < 1e-7)
-            iteration = ITERATIONS - 1;
+        // On to the next kind of weights, or to the end, where this one has nothing more to say.
+        if (step.norm() < MIN_STEP)
+            iteration = tukey ? ITERATIONS - 1 : CAUCHY_ITERATIONS - 1;
     }
     fit.pose = pose;
     return fit;

@@ -140,6 +140,7 @@ struct PoseFit {
     double scale;            // robust residual in standard deviations: 1 if the covariances are right
     std::vector<int> chosen; // which line of each edge; -1 for none
     std::vector<double> weights;
+    double squares = 0.0;    // weighted sum of the squared residuals
 };
 
 PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Transform pose, const Transform& prior,

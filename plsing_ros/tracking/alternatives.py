@@ -53,8 +53,15 @@ def symmetries(model: Model) -> list[Pose]:
     return found
 
 
+def is_flat(model: Model, edges: Rows) -> bool:
+    """Return whether edges lie in one plane, and not on one line."""
+    points = model.vertices[np.unique(model.edges[edges])]
+    values = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return len(points) >= 3 and bool(values[-1] <= _TOLERANCE * values[0])
+
+
 def flipped(model: Model, edges: Rows, T_camera_model: Pose) -> Pose | None:
-    """Return the pose near the second minimum of a flat set of edges; None if they are not flat.
+    """Return the pose near the second minimum of a flat set of edges; None if they are seen straight on.
 
     A flat object that is tilted about a line of sight to one side looks nearly as if it were tilted to the other.
 
@@ -68,9 +75,7 @@ def flipped(model: Model, edges: Rows, T_camera_model: Pose) -> Pose | None:
     used = np.unique(model.edges[edges])
     points = model.vertices[used] @ T_camera_model.rotation.T + T_camera_model.translation
     middle = points.mean(axis=0)
-    _, values, axes = np.linalg.svd(points - middle)
-    if len(used) < 3 or values[-1] > _TOLERANCE * values[0]:
-        return None
+    axes = np.linalg.svd(points - middle, full_matrices=False)[2]
     normal, sight = axes[-1], middle / np.linalg.norm(middle)
     normal = normal * math.copysign(1.0, float(normal @ sight))
     axis = cross(normal, sight)

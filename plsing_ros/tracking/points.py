@@ -74,6 +74,11 @@ class FacePoints:
         self._model = model
         self._camera = camera
         self._cv = cv
+        a, b, c = (model.vertices[model.triangles[:, i]] for i in range(3))
+        normals = cross(b - a, c - a)
+        # Planes of the triangles: normal . point = offset.
+        self._normals: Array = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        self._offsets: Array = (a * self._normals).sum(axis=1)
         self.forget()
 
     def forget(self) -> None:
@@ -124,7 +129,7 @@ class FacePoints:
         if kept.sum() < _MIN_POINTS:
             return None
         points, pixels = self._points[kept], (moved + origin)[kept]
-        rotation, translation, information, scale, _, weights = compiled.fit_points(
+        rotation, translation, information, scale, _, weights, _ = compiled.fit_points(
             points,
             self._camera.normalised(pixels.astype(float)),
             _DEVIATION / self._camera.focal,
@@ -175,14 +180,13 @@ class FacePoints:
         self, pixels: npt.NDArray[np.float32], triangles: npt.NDArray[np.int_], T_camera_model: Pose
     ) -> tuple[Array, BoolArray]:
         """Return where the rays of pixels meet the planes of triangles, in the model frame, and which rays do."""
-        vertices = self._model.vertices @ T_camera_model.rotation.T + T_camera_model.translation
-        a, b, c = (vertices[self._model.triangles[triangles, i]] for i in range(3))
-        rays = np.column_stack([self._camera.normalised(pixels.astype(float)), np.ones(len(pixels))])
-        normal = cross(b - a, c - a)
-        facing = np.einsum("ij,ij->i", rays, normal)
-        good = np.abs(facing) > _MIN_FACING * np.linalg.norm(normal, axis=1) * np.linalg.norm(rays, axis=1)
-        depth = np.einsum("ij,ij->i", a, normal)[good] / facing[good]
-        points: Array = (depth[:, np.newaxis] * rays[good] - T_camera_model.translation) @ T_camera_model.rotation
+        rotation, center = T_camera_model.rotation, -T_camera_model.translation @ T_camera_model.rotation
+        rays = np.column_stack([self._camera.normalised(pixels.astype(float)), np.ones(len(pixels))]) @ rotation
+        normals = self._normals[triangles]
+        facing = (rays * normals).sum(axis=1)
+        good = np.abs(facing) > _MIN_FACING * np.sqrt((rays * rays).sum(axis=1))
+        depth = (self._offsets[triangles] - normals @ center)[good] / facing[good]
+        points: Array = center + depth[:, np.newaxis] * rays[good]
         return points, good
 
     def _corners(self, image: Image, T_camera_model: Pose) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int_]]:
@@ -218,7 +222,7 @@ class FacePoints:
 
     def _as_bright(self, before: Image, now: Image) -> Image:
         """Return an image as bright as another one, as a light that changes would mislead."""
-        old, new = float(before.mean()), float(now.mean())
+        old, new = float(self._cv.mean(before)[0]), float(self._cv.mean(now)[0])
         if new < 1.0 or abs(old - new) < 2.0:
             return now
         scaled: Image = self._cv.convertScaleAbs(now, alpha=old / new)

@@ -7,6 +7,7 @@ import dataclasses
 import importlib
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from types import ModuleType
 from typing import Any
 
@@ -19,7 +20,7 @@ from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
-from plsing_ros.tracking.alternatives import angle_between, flipped, surroundings, symmetries
+from plsing_ros.tracking.alternatives import angle_between, flipped, is_flat, surroundings, symmetries
 from plsing_ros.tracking.camera import PinholeCamera
 from plsing_ros.tracking.points import FacePoints, PointPose
 from plsing_ros.tracking.tracking import Tracking, TrackingState
@@ -42,7 +43,7 @@ _MIN_GAIN = 0.1
 # What ends a search round a pose, and where it begins in an image after the first.
 _FOUND_EXCESS = 0.8
 _STARTS_PER_IMAGE = 4
-# WEAK if the standard deviation of the object's position exceeds this share of its radius.
+# WEAK if the standard deviation of the object's position exceeds this share of its radius, LOST beyond all of it.
 _MAX_DEVIATION = 0.3
 # Poses that look the same and differ by less cannot be told apart; more with each image without the object [rad].
 _MIN_DOUBT, _DOUBT_PER_LOSS = 0.5, 0.1
@@ -50,9 +51,11 @@ _MIN_DOUBT, _DOUBT_PER_LOSS = 0.5, 0.1
 _FORGETTING = 1.5
 # Lines that agree better than they claim to, image after image, are better. Residuals show this share of deviations;
 # the rest is common to all: the lens, the model, light that is not quite as assumed.
-_SHOWN = 0.5
-_LEARNING = 0.1
+_SHOWN = 0.8
+_REMEMBERED = 0.9  # of what residuals of former images showed, from one image to the next
+_CLAIMED = 5.0  # degrees of freedom of residuals as large as claimed that a tracker begins with
 _MIN_SHARE = 0.1  # of the variance that is claimed
+_LEARNING = 0.1
 _MIN_SHARE_OF_USUAL = 0.85  # of the excess that images had until now: less, and something is in the way, or wrong
 _MAX_SCALE = 1.3  # of residuals, beyond which edges contradict each other
 _NOTHING: Array = np.zeros((6, 6))
@@ -66,6 +69,8 @@ class _Fit:
     information: Array
     distance: float  # squared, from the pose of the points, in their standard deviations
     scale: float
+    squares: float  # weighted sum of the squared residuals, in the deviations that lines claim
+    prior: Array  # information of the points
     edges: npt.NDArray[np.int_]  # rows of the model's edges that have a line
     lines: Array  # phi, rho, var phi, cov, var rho, support, contrast, offset of each
     weights: Array
@@ -75,18 +80,31 @@ class _Fit:
     measured: Any
     by_points_alone: bool = False
 
-    @property
+    @cached_property
     def support(self) -> float:
-        return float(self.counts[:, 1].sum() / max(self.counts[:, 0].sum(), 1.0))
+        return float(self._totals[1] / max(self._totals[0], 1.0))
 
-    @property
+    @cached_property
     def chance(self) -> float:
-        return float(self.counts[:, 2].sum() / max(self.counts[:, 0].sum(), 1.0))
+        return float(self._totals[2] / max(self._totals[0], 1.0))
 
-    @property
+    @cached_property
     def excess(self) -> float:
         """Support beyond chance: 1 where all is explained, about 0 where nothing is."""
         return (self.support - self.chance) / max(1.0 - self.chance, 1e-3)
+
+    @cached_property
+    def freedom(self) -> float:
+        """Degrees of freedom of the residuals: what lines decide of the pose they cannot contradict."""
+        decided = 6.0
+        if self.prior is not _NOTHING:
+            decided -= float(np.trace(np.linalg.solve(self.information, self.prior)))
+        return max(2.0 * float(self.weights.sum()) - decided, 0.0)
+
+    @cached_property
+    def _totals(self) -> Array:
+        totals: Array = self.counts.sum(axis=0)
+        return totals
 
 
 class LineTracker:
@@ -107,13 +125,15 @@ class LineTracker:
         self._points = None if cv is None else FacePoints(model, camera, cv)
         self._contrast = np.zeros(len(model))
         self._last: Pose | None = None  # T_camera_model
+        self._trusted: Pose | None = None  # the last one of TRACKING
         self._losses = 0  # images since the last good one
-        self._consistency = 1.0  # share of the claimed variance of lines that they need
+        self._squares = self._freedom = _CLAIMED  # of the residuals of recent images
         self._symmetry: Pose | None
         nothing = Pose(np.eye(3), np.zeros(3))
         turns = sorted(((angle_between(each, nothing), i, each) for i, each in enumerate(symmetries(model))))
         # The smallest turn that maps the model onto itself [rad]; infinite if there is none.
         self.min_symmetry, _, self._symmetry = turns[0] if turns else (math.inf, 0, None)
+        self._flat: dict[bytes, bool] = {}  # whether sets of visible edges are
         self._doubt = _MIN_DOUBT  # how far the object may have turned unseen [rad]
         self._usual: float | None = None  # excess of the images until now
         self._noise = 0.0  # of the image [grey levels]
@@ -125,7 +145,7 @@ class LineTracker:
         Args:
             pose: T_world_camera.
         """
-        self._last = pose.inverse()
+        self._last = self._trusted = pose.inverse()
         self._doubt = _MIN_DOUBT
         self._losses = 1
         self._usual = None
@@ -152,6 +172,9 @@ class LineTracker:
         predicted = pose.inverse() if pose is not None else self._last
         if predicted is None:
             raise ObservationError("no pose to start from: give the first image's pose, or search for it")
+        if self._losses % 2 == 0 and self._losses > 0 and self._trusted is not None:
+            # The loss may have begun unseen.
+            predicted = self._trusted
         self._noise = compiled.image_noise(grey)
         by_points = self._points.follow(grey, predicted) if self._points is not None else None
         ranges = _RANGES if self._losses == 0 else _SEARCH_RANGES
@@ -161,25 +184,28 @@ class LineTracker:
             if fit is None or fit.distance > _MAX_DISTANCE:
                 # Points and edges do not agree: edges are believed only where they explain much more.
                 alone = self._at(grey, by_points)
-                enough = alone is not None and (fit is None or alone.excess > min(fit.excess - _MIN_GAIN, _MIN_EXCESS))
-                fit, by_points = (alone, by_points) if enough else (fit, None)
+                least = 0.0 if fit is None else min(fit.excess - _MIN_GAIN, _MIN_EXCESS)
+                believed = alone is not None and (fit is None or alone.excess > least)
+                fit, by_points = (alone, by_points) if believed else (fit, None)
         # From the prediction alone: as usual, and widely where that explains too little.
-        for reach in (ranges, _SEARCH_RANGES):
-            needed = _GOOD_EXCESS if by_points is None else _MIN_EXCESS
-            if fit is not None and fit.excess >= needed:
+        enough = max(_GOOD_EXCESS if by_points is None else _MIN_EXCESS, _MIN_SHARE_OF_USUAL * (self._usual or 0.0))
+        for reach in dict.fromkeys((ranges, _SEARCH_RANGES)):
+            if fit is not None and fit.excess >= enough:
                 break
             other = self._fit(grey, predicted, reach, None)
-            if other is not None and (fit is None or other.excess > fit.excess + _MIN_GAIN):
+            # A wide search of an image that is half covered finds much that explains a little more.
+            least = 0.0 if reach is ranges else enough
+            if other is not None and (fit is None or other.excess > max(fit.excess + _MIN_GAIN, least)):
                 fit, by_points = other, None
         if self._losses and by_points is None and (fit is None or fit.excess < _FOUND_EXCESS):
             fit = self._search(grey, predicted, fit)
-        return self._concluded(grey, fit, by_points)
+        return self._concluded(grey, predicted, fit, by_points)
 
     def _search(self, image: Image, predicted: Pose, fit: _Fit | None) -> _Fit | None:
-        """Return the best fit round a pose: in all its surroundings at the first image, in some at each later one."""
+        """Return the best fit round a pose: in all its surroundings at first, in some at each later image."""
         starts = surroundings(predicted, self.model.center, self.camera.focal)
-        if self._losses > 1:
-            first = (self._losses - 2) * _STARTS_PER_IMAGE % len(starts)
+        if self._losses > 2:
+            first = (self._losses - 3) * _STARTS_PER_IMAGE % len(starts)
             starts = starts[first : first + _STARTS_PER_IMAGE]
         for start in starts:
             other = self._fit(image, start, _SEARCH_RANGES[1:], None)
@@ -221,7 +247,7 @@ class LineTracker:
             return None
         compiled.search_edges(visible, image, camera.numbers, search_range, self._noise, self._gamma, self._contrast)
         lines = compiled.fit_edge_lines(visible, camera.focal, search_range)
-        rotation, translation, found, scale, chosen, weights = self._core.fit_pose(
+        rotation, translation, found, scale, chosen, weights, squares = self._core.fit_pose(
             lines, pose.rotation, pose.translation, prior.rotation, prior.translation, information
         )
         off = compiled.motion_between(rotation, translation, prior.rotation, prior.translation)
@@ -232,6 +258,8 @@ class LineTracker:
             found,
             distance,
             scale,
+            squares,
+            information,
             np.array(lines.edges, dtype=int),
             lines.chosen(chosen),
             np.array(weights),
@@ -241,25 +269,24 @@ class LineTracker:
             lines,
         )
 
-    def _concluded(self, image: Image, fit: _Fit | None, points: PointPose | None) -> Tracking:
-        needed = _MIN_EXCESS if points is None else _MIN_EXCESS_WITH_POINTS
-        if self._losses and points is None:
-            # Searched widely, other things are found, too.
-            needed = _GOOD_EXCESS
+    def _concluded(self, image: Image, predicted: Pose, fit: _Fit | None, points: PointPose | None) -> Tracking:
+        needed, found = self._needed(predicted, fit, points)
         if fit is None or fit.excess < needed:
-            self._losses += 1
-            self._doubt = min(self._doubt + _DOUBT_PER_LOSS, math.pi + 0.1)
             share = 0.0 if fit is None else fit.support
             return self._lost(f"the image explains {share:.0%} of the visible edges")
-        searched, self._losses = self._losses > 0 and points is None, 0
+        share = self._share(fit)
+        # What nothing is known about is very uncertain, and not infinitely.
+        little = 1e-12 * float(np.trace(fit.information)) + 1e-9
+        covariance = share * _inverse(fit.information + little * np.eye(6))
         pose = fit.T_camera_model
-        # A fit counts a scale above 1 itself.
-        needed_share = (min(fit.scale, 1.0) / _SHOWN) ** 2
-        self._consistency += _LEARNING * (min(needed_share, 1.0) - self._consistency)
-        share = max(self._consistency, needed_share, _MIN_SHARE)
-        covariance = share * _inverse(fit.information + 1e-9 * np.eye(6))
-        state, reason = self._verdict(fit, covariance, _FOUND_EXCESS if searched else _GOOD_EXCESS)
+        deviation = math.sqrt(float(np.linalg.eigvalsh(self._at_object(covariance, pose))[-1]))
+        if not deviation < self.model.radius:
+            return self._lost(f"the edges leave the position uncertain by {deviation:.2g} m")
+        self._losses = 0
+        state, reason = self._verdict(fit, deviation, _FOUND_EXCESS if found else _GOOD_EXCESS)
         self._last = pose
+        if state is TrackingState.TRACKING:
+            self._trusted = pose
         good = fit.weights > 0.5
         if fit.excess >= _GOOD_EXCESS:
             rows, contrast = fit.edges[good], fit.lines[good, 6]
@@ -283,7 +310,38 @@ class LineTracker:
             0 if points is None else len(points.points),
         )
 
-    def _verdict(self, fit: _Fit, covariance: Array, good: float) -> tuple[TrackingState, str]:
+    def _needed(self, predicted: Pose, fit: _Fit | None, points: PointPose | None) -> tuple[float, bool]:
+        """Return the least excess that makes a pose one, and whether it was found by a search."""
+        if points is not None:
+            return _MIN_EXCESS_WITH_POINTS, False
+        enough = max(_FOUND_EXCESS, _MIN_SHARE_OF_USUAL * (self._usual or 0.0))
+        if fit is not None and fit.excess < enough and self._moved(predicted, fit.T_camera_model) > _RANGES[0]:
+            # Searched widely, other things are found, too, and other sides of the object.
+            return enough, True
+        return (_GOOD_EXCESS, True) if self._losses else (_MIN_EXCESS, False)
+
+    def _moved(self, a: Pose, b: Pose) -> float:
+        """Return how far the object moved in the image, the most of its vertices [px]."""
+        points = [self.model.vertices @ each.rotation.T + each.translation for each in (a, b)]
+        if min(each[:, 2].min() for each in points) <= 0.0:
+            return math.inf
+        return float(np.abs(self.camera.project(points[0]) - self.camera.project(points[1])).max())
+
+    def _share(self, fit: _Fit) -> float:
+        """Return the share of the claimed variance of lines that their residuals ask for.
+
+        Source: the variance of M-estimates (Huber 1981) over recent images, or of this one where it is larger.
+        """
+        if fit.scale < _MAX_SCALE:
+            self._squares = _REMEMBERED * self._squares + fit.squares
+            self._freedom = _REMEMBERED * self._freedom + fit.freedom
+        variance = self._squares / self._freedom
+        if fit.freedom > 1.0:
+            variance = max(variance, fit.squares / fit.freedom)
+        # A fit counts a scale above 1 itself.
+        return max(variance / (_SHOWN * max(fit.scale, 1.0)) ** 2, _MIN_SHARE)
+
+    def _verdict(self, fit: _Fit, deviation: float, good: float) -> tuple[TrackingState, str]:
         other = self._alternative(fit)
         if other is not None:
             degrees = math.degrees(angle_between(other, fit.T_camera_model))
@@ -299,7 +357,6 @@ class LineTracker:
             )
         if fit.scale > _MAX_SCALE:
             return TrackingState.WEAK, f"the edges fit one pose {fit.scale:.1f} times worse than each fits its line"
-        deviation = math.sqrt(float(np.linalg.eigvalsh(self._at_object(covariance, fit.T_camera_model))[-1]))
         if deviation > _MAX_DEVIATION * self.model.radius:
             return TrackingState.WEAK, f"the edges leave the position uncertain by {deviation:.2g} m"
         return TrackingState.TRACKING, ""
@@ -316,7 +373,10 @@ class LineTracker:
         pose = fit.T_camera_model
         if self._symmetry is not None and self.min_symmetry < self._doubt:
             return pose @ self._symmetry
-        start = flipped(self.model, fit.visible, pose)
+        key = fit.visible.tobytes()
+        if key not in self._flat:
+            self._flat[key] = is_flat(self.model, fit.visible)
+        start = flipped(self.model, fit.visible, pose) if self._flat[key] else None
         if start is None or angle_between(start, pose) > self._doubt:
             return None
         rotation, translation, *_ = self._core.fit_pose(
@@ -332,13 +392,15 @@ class LineTracker:
         image_lines = np.zeros((n, 3))
         usable = np.zeros(n, dtype=bool)
         covariances = np.zeros((n, 3))
-        for row, line in zip(fit.edges[good].tolist(), fit.lines[good].tolist(), strict=True):
-            image_lines[row] = np.cos(line[0]), np.sin(line[0]), line[1]
-            covariances[row] = share * np.array(line[2:5])
-            usable[row] = True
+        rows, lines = fit.edges[good], fit.lines[good]
+        image_lines[rows] = np.column_stack([np.cos(lines[:, 0]), np.sin(lines[:, 0]), lines[:, 1]])
+        covariances[rows] = share * lines[:, 2:5]
+        usable[rows] = True
         return LineObservation(self.model.ids, image_lines, usable, covariances=covariances)
 
     def _lost(self, reason: str) -> Tracking:
+        self._losses += 1
+        self._doubt = min(self._doubt + _DOUBT_PER_LOSS, math.pi + 0.1)
         n = len(self.model)
         nothing = LineObservation(self.model.ids, np.zeros((n, 3)), np.zeros(n, dtype=bool))
         return Tracking(TrackingState.LOST, reason, None, np.zeros((6, 6)), nothing, 0.0, 0.0, 0)

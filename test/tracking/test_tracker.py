@@ -43,7 +43,7 @@ def test_a_moving_box_is_tracked_and_its_uncertainty_is_honest(camera, patches, 
             d = np.array([angle, seen[2] - image[row, 2]])
             squares_of_lines.append(d @ np.linalg.solve([[pp, pr], [pr, rr]], d))
     # Of six and two degrees of freedom: neither over- nor much under-confident.
-    assert 1.5 < np.median(squares) < 9.0
+    assert 2.5 < np.mean(squares) < 9.0
     assert 0.2 < np.median(squares_of_lines) < 3.0
 
 
@@ -116,18 +116,31 @@ def test_what_is_not_seen_is_announced_and_found_again():
             assert result.state == TrackingState.TRACKING and error(result.T_world_camera, orbit(k))[0] < 5e-3
 
 
-def test_after_a_jump_a_wrong_pose_is_never_called_tracking():
+@pytest.mark.parametrize("patches", [0, 25])
+def test_after_a_jump_the_pose_is_right_or_there_is_none(patches):
     """A box that is seen from elsewhere in the next image looks much like one that has not moved."""
-    drawing, random = renderer(background=0.02), np.random.default_rng(3)
-    found = set()
-    for k in (38, 50, 62, 92, 110):
+    drawing, random = renderer(background=0.02, patches=patches), np.random.default_rng(3)
+    first, states = drawing.render(orbit(0).inverse(), 1.0, random), []
+    for k in (12, 30, 38, 42, 50, 62, 66, 92, 110, 114):
         tracker = LineTracker(box(), CAMERA)
-        tracker.track(drawing.render(orbit(0).inverse(), 1.0, random), orbit(0))
-        result = tracker.track(drawing.render(orbit(k).inverse(), 1.0, random))
-        found.add(result.state)
-        if result.state == TrackingState.TRACKING:
-            assert error(result.T_world_camera, orbit(k))[0] < 5e-3, k
-    assert {TrackingState.TRACKING, TrackingState.WEAK} <= found
+        tracker.track(first, orbit(0))
+        image = drawing.render(orbit(k).inverse(), 1.0, random)
+        for _ in range(3):
+            result = tracker.track(image)
+            states.append(result.state)
+            if result.T_world_camera is not None:
+                assert error(result.T_world_camera, orbit(k))[0] < 5e-3, k
+            else:
+                assert "of the visible edges" in result.reason and not result.observation.usable.any()
+    assert {TrackingState.TRACKING, TrackingState.LOST} == set(states)
+
+
+def test_faces_that_turn_away_from_a_shaking_camera_do_not_end_the_track():
+    """Where images are far apart some edges are out of the usual range, and the rest leaves the pose open."""
+    drawing, random = renderer(background=0.02), np.random.default_rng(1)
+    images = [drawing.render(orbit(k).inverse(), 1.0, random) for k in range(44, 84)]
+    for k, result in enumerate(followed(LineTracker(box(), CAMERA), images, orbit(44)), 44):
+        assert result.state == TrackingState.TRACKING and error(result.T_world_camera, orbit(k))[0] < 5e-3, k
 
 
 def test_a_first_pose_that_is_off_is_searched_for():
