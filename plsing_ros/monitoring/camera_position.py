@@ -13,7 +13,7 @@ class CameraPosition:
     """The poses received lately, and which one belongs to features.
 
     Attributes:
-        covariance: Of the pose that was located last, as it was received.
+        covariance: Of the pose that was found last, as it was received.
     """
 
     def __init__(self) -> None:
@@ -28,24 +28,6 @@ class CameraPosition:
         """Trust no pose received so far."""
         self._poses.forget()
 
-    def locate(self, scene: LineSet, lines: LineSet, stamp: int, tolerance: float) -> tuple[Pose | None, str]:
-        """Return where the camera is, or None, and the source: "camera_pose", "features" or "".
-
-        Args:
-            scene: The lines in the scene frame.
-            lines: Those that are seen, in the camera frame.
-            stamp: Of the features [ns].
-            tolerance: How far the stamp of a pose may be from theirs [s].
-
-        Raises:
-            ObservationError: If no pose is known and a line is reversed with respect to the scene.
-        """
-        pose = self.received(stamp, tolerance)
-        if pose is not None:
-            return pose, "camera_pose"
-        pose = pose_by_lines(scene, lines)
-        return pose, "" if pose is None else "features"
-
     def received(self, stamp: int, tolerance: float) -> Pose | None:
         """Return the pose that was received for features of a stamp [ns] to a tolerance [s], or None."""
         found = self._poses.at(stamp, tolerance)
@@ -53,3 +35,20 @@ class CameraPosition:
             return None
         self.covariance = found.covariance
         return found.T_world_camera
+
+
+def locate(scene: LineSet, lines: LineSet, told: Pose | None) -> tuple[Pose | None, str]:
+    """Return where the camera is, or None, and the source: "camera_pose", "features" or "".
+
+    Args:
+        scene: The lines in the scene frame.
+        lines: Those that are seen, in the camera frame.
+        told: The pose that was received for them, or None.
+
+    Raises:
+        ObservationError: If no pose is known and a line is reversed with respect to the scene.
+    """
+    if told is not None:
+        return told, "camera_pose"
+    pose = pose_by_lines(scene, lines)
+    return pose, "" if pose is None else "features"

@@ -29,7 +29,7 @@ _AFTER_LEAP = 1.25
 # At each step the law is also asked what it would command with the noise of so many of the latest frames; the largest
 # change of speed counts so many times, because other noise may do more.
 _NOISE_SAMPLES, _WITH_NOISE = 2, 2.0
-_REMEMBERED_FRAMES = 25
+REMEMBERED_FRAMES = 25
 # Less than this is rounding [1, m].
 _MIN_NOISE = 1e-9
 # Speeds and turns are not followed beyond this; every number that is published is finite.
@@ -100,7 +100,7 @@ class ClosedLoopRollout:
     def clear(self) -> None:
         """Forget everything: another target, other lines, or features that were missing."""
         self._previous: Snapshot | None = None
-        self._noise: deque[Array] = deque(maxlen=_REMEMBERED_FRAMES)
+        self._noise: deque[Array] = deque(maxlen=REMEMBERED_FRAMES)
         self._noise_sampled = 0
         # How far the latest commanded twists are from the law's at the lines as they are, and as they are seen.
         self._apart = self._apart_as_seen = 0.0

@@ -16,7 +16,7 @@ from plsing_ros.monitoring.closed_loop_rollout import Expected
 from plsing_ros.monitoring.hysteresis import Thresholds, threshold_text
 from plsing_ros.monitoring.risk import Risk
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.singularities import Kind, Proximity, SingularSet
+from plsing_ros.singularities import Kind, LocusDistance, Proximity, SingularSet
 
 _DISTANCES = {
     "transversal_distance": (Kind.TRANSVERSAL,),
@@ -97,6 +97,7 @@ class Indicators:
             if rows:
                 # Loci of one threshold are next to each other.
                 self._distances.append((name, rows[0], rows[-1] + 1, self._thresholds[name]))
+        self._farthest_alarm = max((each[3].alarm for each in self._distances), default=0.0)
         self._alarm = {name: thresholds.alarm for name, thresholds in self._thresholds.items()}
 
     def kinds(self, target_inverse: float | None, distance: Array | None, near: Proximity | None) -> tuple[object, ...]:
@@ -105,9 +106,13 @@ class Indicators:
         return *self._condition_rules(target_inverse), distance is None, near is None, z
 
     def are_calm(
-        self, numbers: Conditioning, target_inverse: float | None, distance: Array | None, near: Proximity | None
+        self,
+        numbers: Conditioning,
+        target_inverse: float | None,
+        nearest: LocusDistance | None,
+        near: Proximity | None,
     ) -> bool:
-        """Return whether all numbers of measured() are above their thresholds; most cycles need to know no more."""
+        """Return whether all numbers of measured() are clearly above their thresholds, as in most cycles."""
         inverse, alarm = numbers.inverse_condition_number, self._alarm
         absolute, relative = self._condition_rules(target_inverse)
         if absolute and inverse < alarm[_CONDITION]:
@@ -123,10 +128,7 @@ class Indicators:
             or (near.z is not None and near.z < alarm[_Z])
         ):
             return False
-        values = [] if distance is None else distance.tolist()
-        return not values or all(
-            min(values[start:stop]) >= thresholds.alarm for _, start, stop, thresholds in self._distances
-        )
+        return nearest is None or nearest.distance >= self._farthest_alarm
 
     def measured(
         self,

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -12,7 +13,13 @@ from plsing_ros.arrays import Array
 from plsing_ros.features import Decomposition, LineObservation
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_alignment import matched
-from plsing_ros.monitoring.closed_loop_rollout import MAX_DEVIATION, ClosedLoopRollout, Expected, Snapshot
+from plsing_ros.monitoring.closed_loop_rollout import (
+    MAX_DEVIATION,
+    REMEMBERED_FRAMES,
+    ClosedLoopRollout,
+    Expected,
+    Snapshot,
+)
 from plsing_ros.monitoring.target_estimation import TargetEstimator
 from plsing_ros.parameters import MonitorParameters
 
@@ -35,6 +42,8 @@ class Prediction:
         self._rollout = ClosedLoopRollout()
         self._search = TargetEstimator()
         self._ids: tuple[int, ...] = ()
+        # Frames at rest, looked at when a motion begins: most never are.
+        self._at_rest: deque[tuple[int, LineSet, Array, Pose | None, LineSet]] = deque(maxlen=REMEMBERED_FRAMES + 1)
         self.restart()
 
     def restart(self) -> None:
@@ -48,6 +57,7 @@ class Prediction:
     def interrupt(self) -> None:
         """Drop the roll-out: features were missing, or are not what they were."""
         self._rollout.clear()
+        self._at_rest.clear()
         self._search.clear()
         self._previous: tuple[int, Array, Decomposition] | None = None
 
@@ -107,19 +117,19 @@ class Prediction:
             self.interrupt()
             self._ids = lines.ids
         image = observation.usable_image_lines
-        sight = _sight(stamp, lines, image, pose, scene)
         expected = None
-        if twist is None or self._first_speed == 0.0 or self._twist is None:
-            self._rollout.rest(sight)
+        commanded = None if self._first_speed == 0.0 else self._twist
+        if twist is not None and commanded is not None and target_image is None:
+            target_image = self._target_image(twist, commanded[0])
+        if twist is None or commanded is None or target_image is None:
+            self._at_rest.append((stamp, lines, image, pose, scene))
         else:
-            if target_image is None:
-                target_image = self._target_image(twist, self._twist[0])
-            if target_image is None:
-                self._rollout.rest(sight)
-            else:
-                expected = self._rollout.advance(sight, target_image, twist, self._twist[0], parameters.horizon)
-                if expected is None:
-                    self._search.clear()
+            while self._at_rest:
+                self._rollout.rest(_sight(*self._at_rest.popleft()))
+            sight = _sight(stamp, lines, image, pose, scene)
+            expected = self._rollout.advance(sight, target_image, twist, commanded[0], parameters.horizon)
+            if expected is None:
+                self._search.clear()
         self._previous = (stamp, image, factors)
         self._patience = self._patience - 1 if expected is None else _PATIENCE
         self.rules = self._patience >= 0

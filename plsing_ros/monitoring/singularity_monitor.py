@@ -31,7 +31,7 @@ from plsing_ros.levels import Level
 from plsing_ros.monitoring.alarm_state import AlarmState, reasons, with_position, worst, worst_names
 from plsing_ros.monitoring.approach import Approach, ApproachTable, Trend
 from plsing_ros.monitoring.assessment import Assessment
-from plsing_ros.monitoring.camera_position import CameraPosition
+from plsing_ros.monitoring.camera_position import CameraPosition, locate
 from plsing_ros.monitoring.hysteresis import OK, Debounce
 from plsing_ros.monitoring.indicators import Indicators, condition_text, precision_text, verdict_indicator
 from plsing_ros.monitoring.law_risks import laws_text, risks_of_laws
@@ -271,11 +271,12 @@ class SingularityMonitor:
             lines = self._usable_lines(observation)
         except ObservationError as error:
             return self._hold_or_refuse(str(error) + note, stamp, observation)
-        problem = self._check.contradiction(observation, self._position.received(stamp, parameters.pose_tolerance))
+        told = self._position.received(stamp, parameters.pose_tolerance)
+        problem = self._check.contradiction(observation, told)
         if problem is not None:
             return self.unusable(problem, stamp)
         try:
-            pose, source = self._position.locate(singular.lines, lines, stamp, parameters.pose_tolerance)
+            pose, source = locate(singular.lines, lines, told)
         except ObservationError as error:
             return self.unusable(str(error), stamp)
         self._missing = 0
@@ -319,14 +320,15 @@ class SingularityMonitor:
         nearest = None if distances is None else self._approaches.nearest(distances)
         of_loci = self._of_loci(away, near_by)
         kinds = (*self._indicators.kinds(target_inverse, *of_loci), len(indicators))
-        near = not self._indicators.are_calm(ruling, target_inverse, *of_loci)
+        near = False
         levels: list[Level] = []
         if (
-            near
-            or not self._alarm_state.is_calm(kinds)
+            not self._alarm_state.is_calm(kinds)
+            or not self._indicators.are_calm(ruling, target_inverse, nearest, of_loci[1])
             or any(each.value < each.thresholds.alarm for each in indicators)
         ):
             measured = self._indicators.measured(ruling, target_inverse, *of_loci)
+            near = any(each.value < each.thresholds.alarm for each in measured)
             indicators = self._alarm_state.with_missing([*measured, *indicators])
             levels = self._alarm_state.levels(indicators, len(measured) if calm else 0, kinds)
         else:
