@@ -241,7 +241,10 @@ class ServoCycle:
         scale = trust if parameters.law != "guarded" else trust * self._guarded(lines, asked)
         if scale != 1.0:
             twist = twist * scale
-        twist, limited = saturated(twist, *parameters.speed_limits)
+        limited = 1.0
+        # As a whole no longer than the lower limit: within both.
+        if scale * speed > min(parameters.speed_limits):
+            twist, limited = saturated(twist, *parameters.speed_limits)
         output = twist if not parameters.tool_frame else self._tool_twist(twist)
         if output is None:
             return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
