@@ -15,7 +15,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Studies of behaviour rather than speed, of many minutes each: only when named.
-STUDIES = ("alert_quality", "alerts", "camera_loop", "law_suite", "laws", "pose_filter", "pose_quality")
+STUDIES = (
+    *("alert_quality", "alerts", "camera_loop", "law_suite", "laws", "memory", "node_memory"),
+    *("pose_filter", "pose_quality", "stop_time"),
+)
 NAMES = sorted(file.stem for file in Path(__file__).parent.glob("*.py") if "\ndef main(" in file.read_text())
 
 

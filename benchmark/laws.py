@@ -9,7 +9,7 @@ ended and gone on with.
     python3 -m benchmark laws
     python3 -m benchmark laws --quick
     python3 -m benchmark.laws --tasks 30 --conditions harsh shown --laws fused position
-    python3 -m benchmark.laws --tables
+    python3 -m benchmark.laws --tables --results FILE
 """
 
 from __future__ import annotations
@@ -103,8 +103,14 @@ def task_of(condition: str, seed: int, number: int) -> ServoTask:
     """Return a task of a condition, always the same."""
     rng, chosen = np.random.default_rng([seed, number]), LAW_CONDITIONS[condition]
     motion = condition == _MOTIONS
-    task = draw_motion(rng, chosen, number % len(MOTIONS)) if motion else draw_task(rng, chosen, number % 3 != 2)
+    crossing = is_crossing(condition, number)
+    task = draw_motion(rng, chosen, number % len(MOTIONS)) if motion else draw_task(rng, chosen, crossing)
     return replace(task, gain=float(np.exp(rng.uniform(*np.log(_GAINS)))))
+
+
+def is_crossing(condition: str, number: int) -> bool:
+    """Return whether a task leads across a line that all observed lines meet: two of three do, but for motions."""
+    return condition != _MOTIONS and number % 3 != 2
 
 
 def _contender(law: str, task: ServoTask) -> Contender:
@@ -117,35 +123,38 @@ def _contender(law: str, task: ServoTask) -> Contender:
 
 
 def print_tables(runs: Runs, laws: Sequence[str]) -> None:
-    """Print a table for each condition, of the tasks that all of the laws have done."""
+    """Print a table for each condition; a law is compared on the tasks that it and the recommended one have done."""
     for name, by_number in runs.items():
         there = [law for law in laws if any(law in outcomes for outcomes in by_number.values())]
-        done = sorted(number for number, outcomes in by_number.items() if all(law in outcomes for law in there))
-        if done:
-            _print(name, {law: [by_number[number][law] for number in done] for law in there})
+        if there:
+            _print(
+                name, {law: {k: by_number[k][law] for k in sorted(by_number) if law in by_number[k]} for law in there}
+            )
             if name == _MOTIONS:
-                _print_motions(done, by_number, there)
+                _print_motions(by_number, there)
 
 
-def _print(condition: str, runs: dict[str, list[Outcome]]) -> None:
-    count = len(next(iter(runs.values())))
-    print(f"\n{condition}, {count} tasks\n")
+def _print(condition: str, runs: dict[str, dict[int, Outcome]]) -> None:
     print(
-        f"| law | arrived | {RECOMMENDED} arrives more often by | farther than 1.5 d0 | ends farther than d0 | "
-        "lines lost | path / straight | s | ends off [mm] | of that of position | farthest / d0 | speed / limit | "
-        "refused frames | step [us] |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+        f"\n**{condition}**\n\n| law | tasks | arrived | across a line, others | {RECOMMENDED} arrives more often by | "
+        "farther than 1.5 d0 | ends farther than d0 | lines lost | path / straight | s | ends off [mm] | "
+        "of that of position | farthest / d0 | speed / limit | refused frames | step [us] |\n" + 16 * "|---" + "|"
     )
-    for law, outcomes in runs.items():
+    for law, by_number in runs.items():
+        outcomes = list(by_number.values())
         arrived = [each.arrived for each in outcomes]
+        crossing = [each.arrived for number, each in by_number.items() if is_crossing(condition, number)]
         against = ""
         if law != RECOMMENDED and RECOMMENDED in runs:
-            against = "{:+.1f} % ({:+.1f} to {:+.1f})".format(*paired(runs[RECOMMENDED], outcomes))
+            against = "{:+.1f} % ({:+.1f} to {:+.1f})".format(*paired(*_both(runs[RECOMMENDED], by_number)))
         errors, ratio = np.array([each.error for each in outcomes]), ""
         if "position" in runs and law != "position":
-            ratio = "{:.2f} ({:.2f} to {:.2f})".format(*median_ratio(runs["position"], outcomes))
+            ratio = "{:.2f} ({:.2f} to {:.2f})".format(*median_ratio(*_both(runs["position"], by_number)))
         there = [each for each in outcomes if each.arrived] or outcomes
         cells = (
-            f"{sum(arrived)} ({np.mean(arrived):.1%})",
+            str(len(outcomes)),
+            f"{np.mean(arrived):.1%}",
+            f"{sum(crossing)} of {len(crossing)}, {sum(arrived) - sum(crossing)} of {len(arrived) - len(crossing)}",
             against,
             str(sum(each.away for each in outcomes)),
             str(sum(each.error > max(each.start, 0.05) + 1e-3 for each in outcomes)),
@@ -162,12 +171,19 @@ def _print(condition: str, runs: dict[str, list[Outcome]]) -> None:
         print(f"| {law} | {' | '.join(cells)} |", flush=True)
 
 
-def _print_motions(done: Sequence[int], runs: Mapping[int, Mapping[str, Outcome]], laws: Sequence[str]) -> None:
+def _both(ours: Mapping[int, Outcome], theirs: Mapping[int, Outcome]) -> tuple[list[Outcome], list[Outcome]]:
+    """Return the outcomes of the tasks that both have done."""
+    numbers = [number for number in theirs if number in ours]
+    return [ours[number] for number in numbers], [theirs[number] for number in numbers]
+
+
+def _print_motions(runs: Mapping[int, Mapping[str, Outcome]], laws: Sequence[str]) -> None:
     print(f"\n| arrived | {' | '.join(MOTIONS)} |\n|---|{'---|' * len(MOTIONS)}")
     for law in laws:
         cells = []
         for kind in range(len(MOTIONS)):
-            arrived = [runs[number][law].arrived for number in done if number % len(MOTIONS) == kind]
+            of_kind = [each for number, each in runs.items() if number % len(MOTIONS) == kind]
+            arrived = [outcomes[law].arrived for outcomes in of_kind if law in outcomes]
             cells.append(f"{sum(arrived)} of {len(arrived)}")
         print(f"| {law} | {' | '.join(cells)} |")
 

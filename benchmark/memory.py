@@ -3,7 +3,7 @@
 
 The cores of controller (each law) and pose_estimator answer frames of a camera that moves to and fro before the paper's
 four lines, with noise, now and then a frame that contradicts or that no line is seen in, each core in a process of its
-own. That of the monitor: benchmark monitor_status.
+own. That of the monitor: benchmark monitor_status; of the nodes: benchmark node_memory.
 
     python3 -m benchmark memory
     python3 -m benchmark.memory --cycles 1000000
@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import multiprocessing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ from plsing_ros.pose.pose_tracker import PoseTracker
 from plsing_ros.simulation import near_transversal
 
 CYCLES = 100_000
-_LAWS = ("pinv", "dls", "guarded", "detour", "position", "fused")
+CORES = ("pinv", "dls", "guarded", "detour", "position", "fused", "pose_estimator")
 _FRAMES = 500
 _PERIOD = 33_333_333  # [ns]
 _NOISE = 5e-4
@@ -43,10 +43,9 @@ def main(quick: bool = False) -> None:
     measure(CYCLES // 20 if quick else CYCLES)
 
 
-def measure(cycles: int) -> None:
-    """Print resident memory after a tenth, half and all of the cycles."""
+def measure(cycles: int, names: Sequence[str] = CORES) -> None:
+    """Print resident memory of some cores after a tenth, half and all of the cycles."""
     print("| core | cycles | MB after a tenth | half | all | kB a thousand cycles |\n|---|---|---|---|---|---|")
-    names = [*(f"controller, {law}" for law in _LAWS), "pose_estimator"]
     for name in names:
         with multiprocessing.get_context("spawn").Pool(1) as pool:
             first, half, last = pool.apply(_run, (name, cycles))
@@ -61,15 +60,15 @@ def _run(name: str, cycles: int) -> tuple[float, float, float]:
         with contextlib.suppress(PlsingError):
             answer(frames[k % _FRAMES], 10**12 + k * _PERIOD)
         if k + 1 in (cycles // 10, cycles // 2, cycles):
-            sizes[k + 1] = _resident()
+            sizes[k + 1] = resident()
     return tuple(sizes.values())  # type: ignore[return-value]
 
 
 def _core(name: str) -> Answer:
     lines = read_scene(config_file("paper_p4l.yaml"))
     target = Pose.from_quaternion(near_transversal.TARGET_POSITION, near_transversal.ORIENTATION)
-    if name.startswith("controller"):
-        servo = ServoController(lines, target, law=name.split(", ")[1])
+    if name != "pose_estimator":
+        servo = ServoController(lines, target, law=name)
         return lambda seen, stamp: servo.answer(seen, stamp, stamp)
     values = {"lines.points": lines.point.ravel().tolist(), "lines.directions": lines.direction.ravel().tolist()}
     tracker = PoseTracker(PoseEstimatorParameters.from_values(values))
@@ -95,13 +94,15 @@ def _frames() -> list[LineObservation]:
     return frames
 
 
-def _resident() -> float:
-    """Return the resident memory of this process [MB]."""
-    status = Path("/proc/self/status").read_text()
+def resident(process: int | str = "self") -> float:
+    """Return the resident memory of a process [MB]."""
+    status = Path(f"/proc/{process}/status").read_text()
     return int(status.split("VmRSS:")[1].split()[0]) / 1024.0
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cycles", type=int, default=CYCLES)
-    measure(parser.parse_args().cycles)
+    parser.add_argument("--cores", nargs="+", metavar="CORE", choices=CORES, default=CORES)
+    options = parser.parse_args()
+    measure(options.cycles, options.cores)
