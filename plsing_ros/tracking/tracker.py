@@ -128,6 +128,7 @@ class LineTracker:
         self._trusted: Pose | None = None  # the last one of TRACKING
         self._losses = 0  # images since the last good one
         self._squares = self._freedom = _CLAIMED  # of the residuals of recent images
+        self._measure = 1.0  # share of the variance of lines that the last image asked for
         self._symmetry: Pose | None
         nothing = Pose(np.eye(3), np.zeros(3))
         turns = sorted(((angle_between(each, nothing), i, each) for i, each in enumerate(symmetries(model))))
@@ -193,9 +194,7 @@ class LineTracker:
             if fit is not None and fit.excess >= enough:
                 break
             other = self._fit(grey, predicted, reach, None)
-            # A wide search of an image that is half covered finds much that explains a little more.
-            least = 0.0 if reach is ranges else enough
-            if other is not None and (fit is None or other.excess > max(fit.excess + _MIN_GAIN, least)):
+            if other is not None and (fit is None or self._is_better(predicted, other, fit)):
                 fit, by_points = other, None
         if self._losses and by_points is None and (fit is None or fit.excess < _FOUND_EXCESS):
             fit = self._search(grey, predicted, fit)
@@ -217,7 +216,7 @@ class LineTracker:
 
     def _fit(self, image: Image, pose: Pose, ranges: tuple[int, ...], points: PointPose | None) -> _Fit | None:
         """Return the edges fitted with smaller and smaller ranges; None where there are none."""
-        information = _NOTHING if points is None else _inverse(points.covariance)
+        information = _NOTHING if points is None else self._information(points)
         prior = pose
         fit = None
         for search_range in ranges:
@@ -235,8 +234,12 @@ class LineTracker:
         if fit is None:
             return None
         return dataclasses.replace(
-            fit, T_camera_model=pose, information=_inverse(points.covariance), by_points_alone=True
+            fit, T_camera_model=pose, information=self._information(points), by_points_alone=True
         )
+
+    def _information(self, points: PointPose) -> Array:
+        """Return the information of points, in the measure of lines: what they claim is too little or too much."""
+        return self._measure * _inverse(points.covariance)
 
     def _pass(self, image: Image, pose: Pose, search_range: int, prior: Pose, information: Array) -> _Fit | None:
         camera = self.camera
@@ -251,7 +254,7 @@ class LineTracker:
             lines, pose.rotation, pose.translation, prior.rotation, prior.translation, information
         )
         off = compiled.motion_between(rotation, translation, prior.rotation, prior.translation)
-        distance = float(off @ information @ off)
+        distance = float(off @ information @ off) / self._measure
         counts = self._core.support(visible, rotation, translation, camera.focal, search_range, _TOLERANCE)
         return _Fit(
             Pose(rotation, translation),
@@ -320,6 +323,10 @@ class LineTracker:
             return enough, True
         return (_GOOD_EXCESS, True) if self._losses else (_MIN_EXCESS, False)
 
+    def _is_better(self, predicted: Pose, other: _Fit, fit: _Fit) -> bool:
+        """Return whether edges alone explain more, and enough to be a pose."""
+        return other.excess > fit.excess + _MIN_GAIN and other.excess >= self._needed(predicted, other, None)[0]
+
     def _moved(self, a: Pose, b: Pose) -> float:
         """Return how far the object moved in the image, the most of its vertices [px]."""
         points = [self.model.vertices @ each.rotation.T + each.translation for each in (a, b)]
@@ -339,7 +346,8 @@ class LineTracker:
         if fit.freedom > 1.0:
             variance = max(variance, fit.squares / fit.freedom)
         # A fit counts a scale above 1 itself.
-        return max(variance / (_SHOWN * max(fit.scale, 1.0)) ** 2, _MIN_SHARE)
+        self._measure = max(variance / (_SHOWN * max(fit.scale, 1.0)) ** 2, _MIN_SHARE)
+        return self._measure
 
     def _verdict(self, fit: _Fit, deviation: float, good: float) -> tuple[TrackingState, str]:
         other = self._alternative(fit)
