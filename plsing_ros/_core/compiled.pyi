@@ -562,7 +562,6 @@ class Innovation:
         good: Whether the update was finite and converged; if not, the state is as it was.
         squared: Squared Mahalanobis distance of the innovation of all used lines, where the update ended.
         of_line: The same of each line alone, against the state before, shape (k,).
-        removal: By how much `squared` would fall without a line; 0 if it was not used; shape (k,).
         reversed: 1 if a line is seen against its direction, shape (k,).
         log_determinant: Of the covariance of the used lines' innovation.
         iterations: Of the update.
@@ -571,11 +570,13 @@ class Innovation:
     good: bool
     squared: float
     of_line: Array
-    removal: Array
     reversed: Array
     log_determinants: Array
     log_determinant: float
     iterations: int
+
+    def removal(self) -> Array:
+        """Return by how much `squared` would fall without each line; 0 if it was not used; shape (k,)."""
 
 class Curvature:
     """How an image differs from a linear one.
@@ -588,6 +589,33 @@ class Curvature:
 
     nonlinearity: float
     by_pose: Array
+
+class FitGates:
+    """When a state and an image agree."""
+
+    def __init__(self, of_line: float, by_count: list[float], reversal_cost: float) -> None:
+        """Take gates for squared Mahalanobis distances.
+
+        Args:
+            of_line: Of each line.
+            by_count: Of all lines, by how many are used.
+            reversal_cost: Of a line that is seen against its direction, as -2 log of its probability.
+        """
+
+class Fit:
+    """A state after an image with which it agrees.
+
+    Attributes:
+        state: The state.
+        innovation: What the image said.
+        used: Which lines were used.
+        cost: -2 log likelihood of the image.
+    """
+
+    state: FilterState
+    innovation: Innovation
+    used: list[bool]
+    cost: float
 
 class FilterState:
     """A pose T_world_camera, and the drift of the twist: by what it differs for a while from the one given.
@@ -615,6 +643,24 @@ class FilterState:
             covariance: Of the pose, shape (6, 6).
             drift_covariance: Of the drift, shape (6, 6).
             map_lines: Count of the map's lines, or 0 for a map without errors.
+        """
+
+    @staticmethod
+    def interact(
+        states: list[FilterState],
+        weights: list[float],
+        arrivals: list[float],
+        drift_std: list[float],
+        negligible: float,
+    ) -> tuple[list[FilterState], list[float]]:
+        """Return states and weights of n kinds of robots after some may have become of another kind.
+
+        Args:
+            states: Of each kind.
+            weights: Of each kind.
+            arrivals: With what probability a robot of another kind becomes one of this.
+            drift_std: Of each kind's drift, as nothing is known of it for a robot of another kind.
+            negligible: What comes from a kind with less than this share changes nothing.
         """
 
     @staticmethod
@@ -668,6 +714,24 @@ class FilterState:
         """Return a bound of what is lost, as a divergence, when two parts of a mixture become one.
 
         Source: Runnalls (2007).
+        """
+
+    def fit(
+        self,
+        map_lines: FilterMap,
+        rows: list[int],
+        image: Array,
+        covariances: Array,
+        removable: int,
+        gates: FitGates,
+        iterations: int,
+    ) -> Fit | None:
+        """Return this after an image, without up to so many lines that do not agree; None if more do not.
+
+        Args:
+            map_lines, rows, image, covariances, iterations: As for update.
+            removable: How many lines may be left out, the worst one first.
+            gates: When it agrees.
         """
 
     def update(

@@ -97,6 +97,21 @@ FilterMap::FilterMap(const Rows &direction_, const Rows &pivot_, const Eigen::Ve
     }
 }
 
+// (k) By how much `squared` would fall without each line; 0 if it is not used.
+Eigen::VectorXd Innovation::removal() const
+{
+    Eigen::VectorXd fall = Eigen::VectorXd::Zero(of_line.size());
+    const Index m = static_cast<Index>(used.size());
+    if (weighted.size() != 2 * m)
+        return fall;
+    const Eigen::MatrixXd inverse = covariance.solve(Eigen::MatrixXd::Identity(2 * m, 2 * m));
+    for (Index j = 0; j < m; j++) {
+        const Eigen::Vector2d w = weighted.segment<2>(2 * j);
+        fall[used[j]] = w.dot(inverse.block<2, 2>(2 * j, 2 * j).ldlt().solve(w));
+    }
+    return fall;
+}
+
 FilterState::FilterState(const Matrix3d &rotation_, const Vector3d &position_, const Matrix6d &covariance_,
                          const Matrix6d &drift_covariance, Index map_lines)
     : rotation(rotation_), position(position_), with_map(Eigen::MatrixXd::Zero(12, 4 * map_lines))
@@ -132,6 +147,49 @@ FilterState FilterState::mixture(const std::vector<const FilterState *> &states,
     mean.rotation = Eigen::Quaterniond(turn * mean.rotation).normalized().toRotationMatrix();
     mean.drift += shift.tail<6>();
     return mean;
+}
+
+// The states, one for each kind of robot, and their weights after robots may have become of another kind: of each kind
+// with probability arrivals[j] if they are not of that. What was found of the drift holds for its own kind only; what
+// comes from a kind with less than a negligible share changes nothing. Source: Blom, Bar-Shalom (1988).
+std::pair<std::vector<FilterState>, std::vector<double>> FilterState::interact(
+    const std::vector<const FilterState *> &states, const std::vector<double> &weights,
+    const std::vector<double> &arrivals, const std::vector<double> &drift_std, double negligible)
+{
+    const std::size_t n = states.size();
+    double leaving = 0.0;
+    for (const double each : arrivals)
+        leaving += each;
+    std::vector<FilterState> mixed;
+    std::vector<double> totals(n, 0.0);
+    mixed.reserve(n);
+    for (std::size_t j = 0; j < n; j++) {
+        std::vector<double> shares(n);
+        for (std::size_t i = 0; i < n; i++) {
+            shares[i] = weights[i] * (i == j ? 1.0 - leaving + arrivals[j] : arrivals[j]);
+            totals[j] += shares[i];
+        }
+        std::vector<FilterState> newcomers;
+        newcomers.reserve(n);
+        std::vector<const FilterState *> chosen;
+        std::vector<double> of_chosen;
+        double total = 0.0;
+        for (std::size_t i = 0; i < n; i++) {
+            if (shares[i] < negligible * totals[j])
+                continue;
+            if (i != j) {
+                newcomers.push_back(*states[i]);
+                newcomers.back().forget_drift(drift_std[j]);
+            }
+            chosen.push_back(i == j ? states[i] : &newcomers.back());
+            of_chosen.push_back(shares[i]);
+            total += shares[i];
+        }
+        for (double &each : of_chosen)
+            each /= total;
+        mixed.push_back(chosen.size() == 1 ? *chosen[0] : mixture(chosen, of_chosen));
+    }
+    return {std::move(mixed), std::move(totals)};
 }
 
 // twist, noise: (v, omega) in the camera's frame; noise is the standard deviation of this step's own error, drift_twist
@@ -256,8 +314,8 @@ Innovation FilterState::update(const FilterMap &map, const std::vector<Index> &r
     const Index k = static_cast<Index>(rows.size());
     const bool considered = with_map.cols() > 0;
     Innovation found;
-    found.of_line = found.removal = found.reversed = found.log_determinants = Eigen::VectorXd::Zero(k);
-    std::vector<Index> chosen;
+    found.of_line = found.reversed = found.log_determinants = Eigen::VectorXd::Zero(k);
+    std::vector<Index> &chosen = found.used;
     for (Index i = 0; i < k; i++)
         if (used[i])
             chosen.push_back(i);
@@ -265,18 +323,16 @@ Innovation FilterState::update(const FilterMap &map, const std::vector<Index> &r
     Matrix3d R = rotation, turn, unused;
     Vector3d p = position;
     Vector6d e = drift;
-    Eigen::MatrixXd H(2 * m, 12), M(2 * m, considered ? 4 * m : 0), noise(2 * m, 2 * m), PH(12, 2 * m), gain, S;
-    Eigen::VectorXd residual(2 * m), y, weighted;
-    Matrix12 prior = covariance, posterior;
+    Eigen::Matrix<double, Eigen::Dynamic, 6> H(2 * m, 6);
+    Eigen::MatrixXd PH(12, 2 * m), S(2 * m, 2 * m), scaled;
+    std::vector<Eigen::Matrix<double, 2, 4>> by_map(m);
+    Eigen::VectorXd residual(2 * m), y;
+    Matrix12 prior = covariance;
     Eigen::MatrixXd cross = with_map;
-    Eigen::LLT<Eigen::MatrixXd> factor;
-    noise.setZero();
-    for (Index j = 0; j < m; j++) {
-        const auto c = covariances.row(chosen[j]);
-        noise.block<2, 2>(2 * j, 2 * j) << c[0], c[1], c[1], c[2];
-    }
+    Eigen::LLT<Eigen::MatrixXd> &factor = found.covariance;
+    std::vector<SeenLine> lines(k);
     for (Index i = 0; i < k; i++) {
-        const SeenLine line = seen_line(map, rows[i], R, p, image.row(i));
+        const SeenLine &line = lines[i] = seen_line(map, rows[i], R, p, image.row(i));
         Eigen::Matrix2d spread = line.by_pose * covariance.topLeftCorner<6, 6>() * line.by_pose.transpose();
         spread += line.by_map * line.by_map.transpose();
         if (considered) {
@@ -288,7 +344,7 @@ Innovation FilterState::update(const FilterMap &map, const std::vector<Index> &r
         spread(0, 1) += covariances(i, 1);
         spread(1, 0) += covariances(i, 1);
         spread(1, 1) += covariances(i, 2);
-        found.of_line[i] = line.residual.dot(spread.ldlt().solve(line.residual));
+        found.of_line[i] = line.residual.dot(spread.inverse() * line.residual);
         found.reversed[i] = line.reversed;
         found.log_determinants[i] = std::log(spread.determinant());
     }
@@ -296,53 +352,57 @@ Innovation FilterState::update(const FilterMap &map, const std::vector<Index> &r
         const Vector3d back = logarithm(rotation * R.transpose());
         Eigen::Matrix<double, 12, 1> expected;
         expected << position - p, back, drift - e;
-        prior = covariance;
-        cross = with_map;
         if (found.iterations > 0) {
-            Matrix12 moved = Matrix12::Identity();
-            moved.block<3, 3>(3, 3) = inverse_left_jacobian(back);
+            const Matrix3d moved = inverse_left_jacobian(back);
             // exp(d) R is where exp(prior error) rotation is: d = back + J^-1 (prior error).
-            prior = (moved * covariance * moved.transpose()).eval();
+            prior = covariance;
+            prior.middleRows<3>(3) = moved * covariance.middleRows<3>(3);
+            prior.middleCols<3>(3) = (prior.middleCols<3>(3) * moved.transpose()).eval();
             if (considered)
-                cross = moved * with_map;
+                cross.middleRows<3>(3) = moved * with_map.middleRows<3>(3);
+            for (const Index i : chosen)
+                lines[i] = seen_line(map, rows[i], R, p, image.row(i));
         }
-        H.setZero();
         for (Index j = 0; j < m; j++) {
-            const SeenLine line = seen_line(map, rows[chosen[j]], R, p, image.row(chosen[j]));
+            const SeenLine &line = lines[chosen[j]];
             residual.segment<2>(2 * j) = line.residual;
-            H.block<2, 6>(2 * j, 0) = line.by_pose;
-            if (considered)
-                M.block<2, 4>(2 * j, 4 * j) = line.by_map;
+            H.middleRows<2>(2 * j) = line.by_pose;
+            by_map[j] = line.by_map;
             found.reversed[chosen[j]] = line.reversed;
         }
-        y = -residual - H.leftCols<6>() * expected.head<6>();
-        PH.noalias() = prior.leftCols<6>() * H.leftCols<6>().transpose();
-        S = H.leftCols<6>() * PH.topRows<6>() + noise;
-        if (considered) {
-            for (Index j = 0; j < m; j++) {
-                const auto by_map = M.block<2, 4>(2 * j, 4 * j);
-                const Eigen::Matrix<double, 12, 2> with_line = cross.middleCols<4>(4 * rows[chosen[j]]) * by_map.transpose();
-                PH.middleCols<2>(2 * j) += with_line;
-                const Eigen::Matrix<double, Eigen::Dynamic, 2> mixed = H.leftCols<6>() * with_line.topRows<6>();
-                S.middleCols<2>(2 * j) += mixed;
-                S.middleRows<2>(2 * j) += mixed.transpose();
-                S.block<2, 2>(2 * j, 2 * j) += by_map * by_map.transpose();
-            }
+        y = -residual - H * expected.head<6>();
+        PH.noalias() = prior.leftCols<6>() * H.transpose();
+        // The lower half of S is used.
+        S.noalias() = H * PH.topRows<6>();
+        for (Index j = 0; j < m; j++) {
+            const auto c = covariances.row(chosen[j]);
+            S(2 * j, 2 * j) += c[0];
+            S(2 * j + 1, 2 * j) += c[1];
+            S(2 * j + 1, 2 * j + 1) += c[2];
+            if (!considered)
+                continue;
+            const Eigen::Matrix<double, 12, 2> with_line = cross.middleCols<4>(4 * rows[chosen[j]]) * by_map[j].transpose();
+            PH.middleCols<2>(2 * j) += with_line;
+            S.block<2, 2>(2 * j, 2 * j) += by_map[j] * by_map[j].transpose();
+            S.bottomRows(2 * (m - j)).middleCols<2>(2 * j) += H.bottomRows(2 * (m - j)) * with_line.topRows<6>();
+            S.middleRows<2>(2 * j).leftCols(2 * (j + 1)) +=
+                with_line.topRows<6>().transpose() * H.topRows(2 * (j + 1)).transpose();
         }
         factor.compute(S);
         if (factor.info() != Eigen::Success || !y.allFinite())
             return found;
-        gain = factor.solve(PH.transpose()).transpose();
-        Eigen::Matrix<double, 12, 1> step = expected + gain * y;
-        posterior = prior - gain * PH.transpose();
-        posterior = (0.5 * (posterior + posterior.transpose())).eval();
-        if (!step.allFinite() || !(posterior.diagonal().array() > 0.0).all())
+        scaled = factor.matrixL().solve(PH.transpose());
+        found.weighted = factor.solve(y);
+        Eigen::Matrix<double, 12, 1> step = expected + PH * found.weighted;
+        const Eigen::Array<double, 12, 1> variance =
+            prior.diagonal().array() - scaled.colwise().squaredNorm().transpose().array();
+        if (!step.allFinite() || !(variance > 0.0).all())
             return found;
         const double angle = step.segment<3>(3).norm();
         const bool shortened = angle > longest_turn;
         if (shortened)
             step *= longest_turn / angle;
-        const double size = (step.head<6>().array() / posterior.diagonal().head<6>().array().sqrt()).abs().maxCoeff();
+        const double size = (step.head<6>().array() / variance.head<6>().sqrt()).abs().maxCoeff();
         found.iterations++;
         final = found.iterations >= iterations || (size < settled && !shortened);
         if (found.iterations >= iterations && size > 1.0)
@@ -353,27 +413,62 @@ Innovation FilterState::update(const FilterMap &map, const std::vector<Index> &r
         e += step.tail<6>();
     }
     if (m > 0) {
-        weighted = factor.solve(y);
-        found.squared = y.dot(weighted);
-        found.log_determinant = 2.0 * Eigen::MatrixXd(factor.matrixLLT()).diagonal().array().log().sum();
-        const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(2 * m, 2 * m));
-        for (Index j = 0; j < m; j++) {
-            const Eigen::Vector2d w = weighted.segment<2>(2 * j);
-            found.removal[chosen[j]] = w.dot(inverse.block<2, 2>(2 * j, 2 * j).ldlt().solve(w));
-        }
+        found.squared = y.dot(found.weighted);
+        found.log_determinant = 2.0 * factor.matrixLLT().diagonal().array().log().sum();
         if (considered) {
-            Eigen::MatrixXd explained = H * cross;
+            Eigen::MatrixXd explained = H * cross.topRows<6>();
             for (Index j = 0; j < m; j++)
-                explained.block<2, 4>(2 * j, 4 * rows[chosen[j]]) += M.block<2, 4>(2 * j, 4 * j);
-            with_map = cross - gain * explained;
+                explained.block<2, 4>(2 * j, 4 * rows[chosen[j]]) += by_map[j];
+            const Eigen::MatrixXd gain = factor.matrixU().solve(scaled).transpose();
+            with_map = cross;
+            with_map.noalias() -= gain * explained;
         }
-        covariance = posterior;
+        covariance = prior;
+        covariance.noalias() -= scaled.transpose() * scaled;
+        covariance = (0.5 * (covariance + covariance.transpose())).eval();
         position = p;
         rotation = Eigen::Quaterniond(R).normalized().toRotationMatrix();
         drift = e;
     }
     found.good = true;
     return found;
+}
+
+// This state after an image, without up to so many lines that do not agree with it, the worst one first.
+std::optional<Fit> FilterState::fit(const FilterMap &map, const std::vector<Index> &rows, const Rows &image,
+                                    const Rows &covariances, int removable, const FitGates &gates, int iterations) const
+{
+    const std::size_t k = rows.size();
+    std::vector<bool> used(k, true);
+    for (int removed = 0; removed <= removable; removed++) {
+        FilterState after = *this;
+        Innovation found = after.update(map, rows, image, covariances, used, iterations);
+        if (found.good) {
+            double worst = 0.0, cost = found.squared + found.log_determinant;
+            for (std::size_t i = 0; i < k; i++) {
+                if (used[i]) {
+                    worst = std::max(worst, found.of_line[i]);
+                    cost += gates.reversal_cost * found.reversed[i];
+                } else {
+                    // As if it were just at the gate, so that no kind of robot is preferred for keeping it.
+                    cost += gates.of_line + found.log_determinants[i];
+                }
+            }
+            if (worst <= gates.of_line && found.squared <= gates.by_count.at(found.used.size()) && std::isfinite(cost))
+                return Fit{std::move(after), std::move(found), std::move(used), cost};
+        }
+        if (removed == removable)
+            break;
+        const Eigen::VectorXd suspect = found.good ? found.removal() : found.of_line;
+        std::size_t most = k;
+        for (std::size_t i = 0; i < k; i++)
+            if (used[i] && (most == k || suspect[i] > suspect[most]))
+                most = i;
+        if (most == k)
+            break;
+        used[most] = false;
+    }
+    return std::nullopt;
 }
 
 void bind_pose_filter(py::module_ &module)
@@ -387,11 +482,16 @@ void bind_pose_filter(py::module_ &module)
         .def_readonly("good", &Innovation::good)
         .def_readonly("squared", &Innovation::squared)
         .def_readonly("of_line", &Innovation::of_line)
-        .def_readonly("removal", &Innovation::removal)
+        .def("removal", &Innovation::removal)
         .def_readonly("reversed", &Innovation::reversed)
         .def_readonly("log_determinants", &Innovation::log_determinants)
         .def_readonly("log_determinant", &Innovation::log_determinant)
         .def_readonly("iterations", &Innovation::iterations);
+    py::class_<FitGates>(module, "FitGates", "When a state and an image agree.")
+        .def(py::init([](double of_line, std::vector<double> by_count, double reversal_cost) {
+                 return FitGates{of_line, std::move(by_count), reversal_cost};
+             }),
+             py::arg("of_line"), py::arg("by_count"), py::arg("reversal_cost"));
     py::class_<Curvature>(module, "Curvature", "Where an image told least, and how far from linear it is there.")
         .def_readonly("nonlinearity", &Curvature::nonlinearity)
         .def_readonly("by_pose", &Curvature::by_pose);
@@ -399,6 +499,8 @@ void bind_pose_filter(py::module_ &module)
         .def(py::init<const Matrix3d &, const Vector3d &, const Matrix6d &, const Matrix6d &, Index>(), py::arg("rotation"),
              py::arg("position"), py::arg("covariance"), py::arg("drift_covariance"), py::arg("map_lines"))
         .def_static("mixture", &FilterState::mixture, py::arg("states"), py::arg("weights"))
+        .def_static("interact", &FilterState::interact, py::arg("states"), py::arg("weights"), py::arg("arrivals"),
+                    py::arg("drift_std"), py::arg("negligible"))
         .def("copy", [](const FilterState &state) { return FilterState(state); })
         .def("predict", &FilterState::predict, py::arg("twist"), py::arg("noise"), py::arg("drift_twist"),
              py::arg("drift_std"), py::arg("duration"), py::arg("memory"))
@@ -410,6 +512,8 @@ void bind_pose_filter(py::module_ &module)
         .def("merging_cost", &FilterState::merging_cost, py::arg("other"), py::arg("own_weight"), py::arg("other_weight"))
         .def("update", &FilterState::update, py::arg("map_lines"), py::arg("rows"), py::arg("image"), py::arg("covariances"),
              py::arg("used"), py::arg("iterations"))
+        .def("fit", &FilterState::fit, py::arg("map_lines"), py::arg("rows"), py::arg("image"), py::arg("covariances"),
+             py::arg("removable"), py::arg("gates"), py::arg("iterations"))
         .def_readonly("rotation", &FilterState::rotation)
         .def_readonly("position", &FilterState::position)
         .def_readonly("drift", &FilterState::drift)
@@ -418,6 +522,11 @@ void bind_pose_filter(py::module_ &module)
         .def_property_readonly("drift_covariance", [](const FilterState &state) -> Matrix6d {
             return state.covariance.bottomRightCorner<6, 6>();
         });
+    py::class_<Fit>(module, "Fit", "A state after an image with which it agrees.")
+        .def_readonly("state", &Fit::state)
+        .def_readonly("innovation", &Fit::innovation)
+        .def_readonly("used", &Fit::used)
+        .def_readonly("cost", &Fit::cost);
 }
 
 }  // namespace plsing

@@ -93,21 +93,16 @@ class MotionFit:
 
     Attributes:
         before: The state before it.
-        state: The state.
-        innovation: What the image said.
-        used: Which lines were used.
-        cost: -2 log likelihood of the image.
+        fit: The state with what the image said of it.
     """
 
     before: _core.FilterState
-    state: _core.FilterState
-    innovation: _core.Innovation
-    used: list[bool]
-    cost: float
+    fit: _core.Fit
 
     def curvature(self, seen: SeenLines) -> _core.Curvature:
         """Return where the image told least, and how far from linear it is there."""
-        return self.state.curvature(self.before, seen.lines, seen.rows, seen.image, seen.covariances, self.used)
+        own = self.fit
+        return own.state.curvature(self.before, seen.lines, seen.rows, seen.image, seen.covariances, own.used)
 
 
 class MotionBank:
@@ -130,8 +125,14 @@ class MotionBank:
         self._settings = settings
         self._interval = interval
         self._speed = self._turn_speed = self._since_update = 0.0
-        # Mean and covariance of all.
-        self.state = _mixture(states, weights)
+        self._state: _core.FilterState | None = None
+
+    @property
+    def state(self) -> _core.FilterState:
+        """Mean and covariance of all."""
+        if self._state is None:
+            self._state = _mixture(self._states, self._weights)
+        return self._state
 
     @staticmethod
     def start(T_world_camera: Pose, covariance: Array, map_lines: int, settings: FilterParameters) -> MotionBank:
@@ -177,37 +178,16 @@ class MotionBank:
             beyond, beyond_turn = shift - share * speed, angle - share * turn
             noise = _spread(shift + rest + _ARM * beyond_turn, angle + rest_turn + _BEND * beyond)
             state.predict(twist, noise, by_drift, motion.drift * share, duration, memory)
-        self.state = _mixture(self._states, self._weights)
+        self._state = None
 
     def _mix(self) -> None:
         """Let the robot become one of another kind, in the time between two images."""
-        n, seconds = len(_MOTIONS), self._interval
-        move = [
-            [-math.expm1(-motion.rate * seconds) if i != j else 0.0 for j, motion in enumerate(_MOTIONS)]
-            for i in range(n)
-        ]
-        for i in range(n):
-            move[i][i] = 1.0 - sum(move[i])
-        joint = [[self._weights[i] * move[i][j] for i in range(n)] for j in range(n)]
-        self._weights = [sum(row) for row in joint]
-        self._states = [
-            self._joined(j, row, total) for j, (row, total) in enumerate(zip(joint, self._weights, strict=True))
-        ]
-
-    def _joined(self, kind: int, shares: list[float], total: float) -> _core.FilterState:
-        """Return the state of a kind of robot that others have become with such shares of a total."""
-        states, weights = [], []
-        for i, share in enumerate(shares):
-            if share < _NEGLIGIBLE * total:
-                continue
-            state = self._states[i]
-            if i != kind:
-                # What was found of the drift of another kind of robot does not hold for this one.
-                state = state.copy()
-                state.forget_drift(_MOTIONS[kind].drift * self._settings.noise_twist)
-            states.append(state)
-            weights.append(share)
-        return _mixture(states, weights)
+        share = self._settings.noise_twist
+        arrivals = [-math.expm1(-motion.rate * self._interval) for motion in _MOTIONS]
+        drift_std = [motion.drift * share for motion in _MOTIONS]
+        self._states, self._weights = _core.FilterState.interact(
+            self._states, self._weights, arrivals, drift_std, _NEGLIGIBLE
+        )
 
     def updated(self, seen: SeenLines, agreement: Agreement) -> BankUpdate | None:
         """Return this after an image, as far as it agrees so well; None if it does not."""
@@ -224,38 +204,14 @@ class MotionBank:
 
     def _fit(self, state: _core.FilterState, seen: SeenLines, removable: int) -> MotionFit | None:
         """Return a state after an image, without up to so many lines that do not agree with it; None if more do not."""
-        used = [True] * len(seen.rows)
-        gate = self._settings.outlier_gate**2
-        for removed in range(removable + 1):
-            after = state.copy()
-            innovation = after.update(seen.lines, seen.rows, seen.image, seen.covariances, used, _ITERATIONS)
-            if innovation.good:
-                worst = max(_values_of(innovation.of_line, used))
-                cost = self._cost(innovation, used)
-                if worst <= gate and innovation.squared <= quantile(2 * sum(used)) and math.isfinite(cost):
-                    return MotionFit(state, after, innovation, used, cost)
-                suspect = innovation.removal
-            else:
-                suspect = innovation.of_line
-            if removed < removable:
-                used = list(used)
-                used[int(np.argmax(np.where(used, suspect, -math.inf)))] = False
-        return None
-
-    def _cost(self, innovation: _core.Innovation, used: list[bool]) -> float:
-        settings = self._settings
-        reversals = float(innovation.reversed @ used)
-        cost = innovation.squared + innovation.log_determinant + settings.reversal_cost * reversals
-        for use, log_determinant in zip(used, innovation.log_determinants.tolist(), strict=True):
-            if not use:
-                # As if it were just at the gate, so that no kind of robot is preferred for keeping it.
-                cost += settings.outlier_gate**2 + log_determinant
-        return cost
+        gates = _gates(len(seen.rows), self._settings.outlier_gate, self._settings.reversal_cost)
+        fit = state.fit(seen.lines, seen.rows, seen.image, seen.covariances, removable, gates, _ITERATIONS)
+        return None if fit is None else MotionFit(state, fit)
 
     def _weighed(self, fits: list[MotionFit | None]) -> BankUpdate:
         """Weigh the kinds of robots by how well they explain an image."""
         costs = [
-            math.inf if fit is None else fit.cost - 2.0 * math.log(max(weight, _MIN_WEIGHT))
+            math.inf if fit is None else fit.fit.cost - 2.0 * math.log(max(weight, _MIN_WEIGHT))
             for fit, weight in zip(fits, self._weights, strict=True)
         ]
         least = min(costs)
@@ -264,8 +220,8 @@ class MotionBank:
         kind = costs.index(least)
         best = fits[kind]
         assert best is not None
-        surprise = best.innovation.squared - 2.0 * math.log(max(self._weights[kind], _MIN_WEIGHT))
-        states = [best.state if fit is None else fit.state for fit in fits]
+        surprise = best.fit.innovation.squared - 2.0 * math.log(max(self._weights[kind], _MIN_WEIGHT))
+        states = [best.fit.state if fit is None else fit.fit.state for fit in fits]
         bank = MotionBank(
             states, [max(share / total, _MIN_WEIGHT) for share in shares], self._settings, self._since_update
         )
@@ -358,9 +314,10 @@ def _spread(linear: float, angular: float) -> Array:
     return np.array((linear, linear, linear, angular, angular, angular))
 
 
-def _values_of(values: Array, used: list[bool]) -> list[float]:
-    """Return those values that are used, and 0."""
-    return [0.0, *(value for value, use in zip(values.tolist(), used, strict=True) if use)]
+@lru_cache(maxsize=256)
+def _gates(lines: int, outlier_gate: float, reversal_cost: float) -> _core.FitGates:
+    """Return when a state agrees with so many lines."""
+    return _core.FitGates(outlier_gate**2, [quantile(2 * count) for count in range(lines + 1)], reversal_cost)
 
 
 @lru_cache(maxsize=256)

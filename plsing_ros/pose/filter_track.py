@@ -84,19 +84,25 @@ class FilterTrack:
         self._settings = settings
         count = 0 if map_lines.exact else len(lines)
         self._parts = [_Part(MotionBank.start(T_world_camera, covariance, count, settings), 0.0)]
-        self.state = self._mixture()
         self.cost = 0.0
+
+    @property
+    def state(self) -> _core.FilterState:
+        """Mean and covariance of all parts."""
+        if len(self._parts) == 1:
+            return self._parts[0].bank.state
+        return _core.FilterState.mixture([part.bank.state for part in self._parts], self._shares())
 
     @property
     def pose(self) -> Pose:
         """T_world_camera."""
-        return Pose(self.state.rotation, self.state.position)
+        state = self.state
+        return Pose(state.rotation, state.position)
 
     def predict(self, twist: Array | None, mean: Array | None, duration: float) -> None:
         """Move on for a duration [s], see MotionBank.predict."""
         for part in self._parts:
             part.bank.predict(twist, mean, duration)
-        self.state = self._mixture()
 
     def update(self, rows: list[int], image: Array, covariances: Array) -> TrackUpdate:
         """Use an image, as far as it agrees; a track that it contradicts stays as it was.
@@ -119,7 +125,7 @@ class FilterTrack:
         if not updates:
             return None
         best = min(updates, key=lambda each: each[0])[1]
-        count = sum(best.fit.used)
+        count = sum(best.fit.fit.used)
         if 3 * count < 2 * len(rows) or best.surprise > quantile(2 * count, _UNEXPECTED):
             return None
         return self._adopt(updates, Agreement.AGREES)
@@ -167,11 +173,11 @@ class FilterTrack:
             self._merge()
         own = cost - 2.0 * math.log(sum(math.exp(-0.5 * (each - cost)) for each, _ in updates))
         self.cost += own
-        self.state = self._mixture()
-        innovation, freedom = best.fit.innovation, 2 * sum(best.fit.used)
+        fit = best.fit.fit
+        innovation, freedom = fit.innovation, 2 * sum(fit.used)
         return TrackUpdate(
             agreement,
-            best.fit.used,
+            fit.used,
             innovation.reversed,
             math.sqrt(innovation.squared / max(1, freedom)),
             own,
@@ -198,8 +204,3 @@ class FilterTrack:
                 _Part(bank, -2.0 * math.log(share))
                 for bank, share in zip([*(part.bank for part in self._parts), both], shares, strict=True)
             ]
-
-    def _mixture(self) -> _core.FilterState:
-        if len(self._parts) == 1:
-            return self._parts[0].bank.state
-        return _core.FilterState.mixture([part.bank.state for part in self._parts], self._shares())
