@@ -28,6 +28,7 @@ from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.risk import Risk
 from plsing_ros.monitoring.rollout import Harm, RolloutLaw
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
+from plsing_ros.planning.detour import Plan
 from plsing_ros.pose.pose_tracker import PoseTracker
 
 _SECOND = 1_000_000_000
@@ -38,6 +39,8 @@ _TRUE_RUNS = 6
 _VISIBILITY_PERIOD = 0.05
 # A speed that a limit has scaled is that limit but for rounding.
 _ROUNDING = 1.0 + 1e-9
+# As the node publishes a path.
+_PATH_POSES = 100
 _ALERTS = (Level.WARN, Level.CRITICAL)
 
 
@@ -143,6 +146,7 @@ class _Run:
         self._monitor = None if record is None else SingularityMonitor.from_parameters(monitor_parameters(setting))
         self._tracker = PoseTracker(estimator_parameters(setting)) if setting.chain else None
         self._period = 1.0 / setting.rate
+        self._plan: Plan | None = None
         self._pose = setting.task.start
         self._looked = -math.inf
         self._level = int(Level.OK)
@@ -212,6 +216,10 @@ class _Run:
             )
         except PlsingError as error:
             command = self._controller.halt(str(error))
+        if self._monitor is not None and self._controller.plan is not self._plan:
+            self._plan = self._controller.plan
+            path = None if self._plan is None else self._plan.path
+            self._monitor.receive_path(() if path is None else path.sampled(_PATH_POSES))
         asked = command.twist
         twist = asked * (min(time / _SOFT_START, 1.0) if self._setting.soft else 1.0)
         if self._tracker is not None:

@@ -863,6 +863,7 @@ def roll_out(
     residuals: Array | None,
     believed: object,
     loci: Array | None,
+    path: Sequence[object],
     law: object,
     loop: object,
     state: object,
@@ -879,6 +880,7 @@ def roll_out(
         target: A Pose, T_world_target.
         covariances: Shape (3n,), or (0,): as RolloutTask.covariances.
         loci: Shape (m, 6): as RolloutTask.loci.
+        path: Poses, T_world_camera.
         law: A RolloutLaw.
         loop: A LoopModel.
         state: A RunState.

@@ -35,6 +35,7 @@ struct Scene {
     std::vector<SceneLine> lines;
     Pose target;
     std::vector<Locus> loci;
+    std::vector<Pose> path;  // To the target; empty: straight.
     bool has_loci = false, has_covariances = false;
 };
 
@@ -125,11 +126,12 @@ public:
     // believed: T_scene_camera that the 3-D lines of the features are made with.
     Vector6d command(const Pose &believed);
 
-    // Begin a path from here.
+    // Begin from here what is left of the path.
     void start_path(const Pose &start);
 
 private:
     Vector6d by_pose(const Pose &believed);
+    double path_duration(const Pose &from, const Pose &to) const;
     Vector6d by_image(const Pose &believed);
     void find_reference();
     double guard_scale(const Pose &believed, const Vector6d &twist, double health) const;
@@ -143,8 +145,11 @@ private:
     Eigen::VectorXd error_;
     RowSolver solver_, here_;
     Eigen::Vector2d target_values_;
-    Pose path_start_;
-    double path_time_ = 0.0, path_duration_ = 0.0, factor_ = 1.0;
+    // When the camera is to be where, and the part of the path it is on.
+    std::vector<Pose> path_;
+    std::vector<double> path_times_;
+    std::size_t path_part_ = 0;
+    double path_time_ = 0.0, factor_ = 1.0;
 };
 
 // The focal length of a sample, over the one that is assumed.

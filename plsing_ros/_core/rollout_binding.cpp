@@ -175,7 +175,7 @@ bool is_without_noise(const Scene &scene, const Loop &loop)
 
 py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &ends,
                       const py::object &target, const Array &covariances, const py::object &residuals,
-                      const py::object &believed, const py::object &loci,
+                      const py::object &believed, const py::object &loci, const py::sequence &path,
                       const py::object &law_options, const py::object &loop_model, const py::object &state,
                       const Array &rotations, const Rows3 &translations, std::uint64_t seed)
 {
@@ -191,6 +191,7 @@ py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &
     Scene scene = scene_from(direction, moment, ends, pose_from(target), covariances, law);
     add_loci(scene, loci);
     add_residuals(scene, residuals);
+    for (const auto &each : path) scene.path.push_back(pose_from(py::reinterpret_borrow<py::object>(each)));
     const Eigen::Index k = translations.rows();
     if (rotations.size() != 9 * k) throw std::invalid_argument("rotations must be (k, 3, 3) for k translations");
     std::vector<Pose> starts(k);
@@ -281,9 +282,8 @@ Vector6d twist_of_law(const Rows3 &direction, const Rows3 &moment, const Rows3 &
 void bind_rollout(py::module_ &module)
 {
     module.def("roll_out", &roll_out_all, py::arg("direction"), py::arg("moment"), py::arg("ends"), py::arg("target"),
-               py::arg("covariances"), py::arg("residuals"), py::arg("believed"), py::arg("loci"), py::arg("law"), py::arg("loop"),
-               py::arg("state"),
-               py::arg("rotations"), py::arg("translations"), py::arg("seed"),
+               py::arg("covariances"), py::arg("residuals"), py::arg("believed"), py::arg("loci"), py::arg("path"),
+               py::arg("law"), py::arg("loop"), py::arg("state"), py::arg("rotations"), py::arg("translations"), py::arg("seed"),
                "Run the closed loop ahead from k starts; plsing_ros/monitoring/rollout.py says what is what.");
     module.def("law_twist", &twist_of_law, py::arg("direction"), py::arg("moment"), py::arg("ends"), py::arg("target"),
                py::arg("loci"), py::arg("law"), py::arg("loop"), py::arg("camera"), py::arg("image"),

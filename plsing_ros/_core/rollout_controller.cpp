@@ -32,31 +32,51 @@ Vector6d Controller::command(const Pose &believed)
     return twist;
 }
 
+double Controller::path_duration(const Pose &from, const Pose &to) const
+{
+    const Vector6d whole = displacement(to, from);
+    return std::max(whole.head<3>().norm() / loop_.path_linear, whole.tail<3>().norm() / loop_.path_angular);
+}
+
 void Controller::start_path(const Pose &start)
 {
-    path_start_ = start;
+    if (law_.law != Law::kPath) return;
+    path_ = {start};
+    path_times_ = {0.0};
+    path_part_ = 0;
     path_time_ = 0.0;
-    const Vector6d whole = displacement(scene_.target, start);
-    path_duration_ =
-        std::max(whole.head<3>().norm() / loop_.path_linear, whole.tail<3>().norm() / loop_.path_angular);
+    // What is nearest by the path's speeds has been passed.
+    std::size_t passed = 0;
+    for (std::size_t i = 1; i < scene_.path.size(); i++)
+        if (path_duration(start, scene_.path[i]) < path_duration(start, scene_.path[passed])) passed = i;
+    for (std::size_t i = scene_.path.empty() ? 0 : passed + 1; i <= scene_.path.size(); i++) {
+        const Pose &next = i < scene_.path.size() ? scene_.path[i] : scene_.target;
+        const double duration = path_duration(path_.back(), next);
+        if (duration == 0.0) continue;
+        path_times_.push_back(path_times_.back() + duration);
+        path_.push_back(next);
+    }
 }
 
 Vector6d Controller::by_pose(const Pose &believed)
 {
     if (law_.law == Law::kPosition) return -law_.gain * displacement(scene_.target, believed);
     path_time_ += loop_.period * factor_;
-    if (path_time_ >= path_duration_) return -law_.gain * displacement(scene_.target, believed);
-    const double done = path_time_ / path_duration_;
-    const Vector3d turn = rotation_vector(path_start_.rotation.transpose() * scene_.target.rotation);
-    const Vector3d way = scene_.target.translation - path_start_.translation;
+    while (path_part_ + 1 < path_.size() && path_time_ >= path_times_[path_part_ + 1]) path_part_++;
+    if (path_part_ + 1 >= path_.size()) return -law_.gain * displacement(scene_.target, believed);
+    const Pose &from = path_[path_part_], &to = path_[path_part_ + 1];
+    const double duration = path_times_[path_part_ + 1] - path_times_[path_part_];
+    const double done = (path_time_ - path_times_[path_part_]) / duration;
+    const Vector3d turn = rotation_vector(from.rotation.transpose() * to.rotation);
+    const Vector3d way = to.translation - from.translation;
     Pose asked;
     const double angle = turn.norm();
-    asked.rotation = path_start_.rotation;
+    asked.rotation = from.rotation;
     if (angle > 0.0) asked.rotation *= Eigen::AngleAxisd(angle * done, turn / angle).toRotationMatrix();
-    asked.translation = path_start_.translation + done * way;
+    asked.translation = from.translation + done * way;
     Vector6d twist = -law_.gain * displacement(asked, believed);
-    twist.head<3>() += asked.rotation.transpose() * way / path_duration_;
-    twist.tail<3>() += turn / path_duration_;
+    twist.head<3>() += asked.rotation.transpose() * way / duration;
+    twist.tail<3>() += turn / duration;
     return twist;
 }
 

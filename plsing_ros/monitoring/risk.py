@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,6 +32,8 @@ _SECOND = 1_000_000_000
 _REST = _SECOND
 # An answer counts until the next ones are overdue by this factor of their period.
 _OVERDUE = 10.0
+# A path ends this near the target it leads to [m], [rad].
+_SAME_TARGET = 0.05
 # Answers of about this time count together [s].
 _MEMORY = 1.0
 
@@ -104,6 +106,7 @@ class RiskPredictor:
         self._clock = RunClock()
         self._seed = 0
         self._stated: tuple[str, float] | None = None
+        self._path: tuple[Pose, ...] = ()
         self.restart()
 
     def restart(self) -> None:
@@ -143,6 +146,10 @@ class RiskPredictor:
         """Take the law and lambda [1/s] that the controller says are in force."""
         if law and gain > 0.0:
             self._stated = (law, gain)
+
+    def receive_path(self, poses: Sequence[Pose]) -> None:
+        """Take the path, T_world_camera from start to target, that the controller follows; none: it has no path."""
+        self._path = tuple(poses)
 
     def latest(
         self,
@@ -217,7 +224,10 @@ class RiskPredictor:
         steps = FIRST_STEPS if is_first else MAX_STEPS
         task = rollout_task(singular, target, law, parameters, self._frame_period(), observation, steps)
         residuals = None if self._residuals is None else self._residuals.rows()
-        seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose)
+        # A path that leads elsewhere is that of another target.
+        leads_there = bool(self._path) and self._path[-1].is_close(target, _SAME_TARGET)
+        path = self._path if leads_there and law.law == "detour" else ()
+        seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose, path=path)
         samples, seed, check, run = parameters.samples, self._seed, self._law_check, clock.run
         # As long as the loop is the same the target is held as well as it was; the first answer does not wait for that.
         loop = (law, target, parameters, singular)

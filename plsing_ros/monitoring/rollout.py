@@ -249,6 +249,7 @@ class RolloutTask:
             believed, as its mean and the covariance of the mean: (phi, rho, phi phi, phi rho, rho rho), NaN for a line
             that was not seen, shape (n, 5); None: nothing is known. Samples' maps are drawn accordingly.
         T_world_camera: Where the camera is believed to be; None: at the first start.
+        path: T_world_camera along the path that law = detour follows, to the target; empty: straight to it.
     """
 
     lines: LineSet
@@ -260,6 +261,7 @@ class RolloutTask:
     covariances: Array | None = None
     residuals: Array | None = None
     T_world_camera: Pose | None = None
+    path: tuple[Pose, ...] = ()
 
     def roll_out(self, starts: list[Pose], state: RunState, seed: int) -> Outcomes:
         """Run the closed loop once from each start, with noise of its own, without the interpreter's lock.
@@ -273,7 +275,7 @@ class RolloutTask:
             GeometryError: If the numbers do not make a task.
 
         Source: new, docs/monitor.md. The law is the controller's to 1e-9 where there is no noise, with an
-        approximation of detour (along the straight line with the speeds of a path).
+        approximation of detour (along its path, or else the straight line, with the speeds of a path).
         """
         try:
             found = _core.roll_out(
@@ -283,6 +285,7 @@ class RolloutTask:
                 self.residuals,
                 self.T_world_camera,
                 self.loci,
+                self.path,
                 self.law,
                 self.loop,
                 state,

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import Any
 
@@ -206,6 +206,10 @@ class SingularityMonitor:
     def receive_controller(self, law: str, gain: float) -> None:
         """Take the law and lambda [1/s] that the controller says are in force."""
         self._risk.receive_controller(law, gain)
+
+    def receive_path(self, poses: Sequence[Pose]) -> None:
+        """Take the path of law = detour, T_world_camera from start to target, as it is planned; none: it has none."""
+        self._risk.receive_path(poses)
 
     def begin_rollout(self) -> None:
         """Hand over the roll-out that the latest answer asked for, if any, to the executor."""

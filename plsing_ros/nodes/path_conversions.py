@@ -21,6 +21,15 @@ def path_message(poses: Iterable[Pose], head: Header) -> Path:
     return Path(header=head, poses=[PoseStamped(header=head, pose=pose_message(each)) for each in poses])
 
 
+def path_from_message(message: Path, frame: str) -> tuple[Pose, ...]:
+    """Return T_world_camera along a path.
+
+    Raises:
+        GeometryError: If one of them is no pose, or in another frame.
+    """
+    return tuple(pose_from_message(each, frame) for each in message.poses)
+
+
 def target_question(request: CheckTarget.Request, frame: str) -> tuple[Pose, Pose | None]:
     """Return the target, and the start or None for the present pose; T_world_camera both.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from nav_msgs.msg import Path
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
@@ -33,6 +34,7 @@ from plsing_ros.nodes.locus_conversions import loci_message
 from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.markers import CameraMarkers, scene_markers
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
+from plsing_ros.nodes.path_conversions import path_from_message
 from plsing_ros.nodes.pose_conversions import camera_pose_from_message, covariance_from_message, pose_from_message
 from plsing_ros.parameters import MonitorParameters
 
@@ -69,6 +71,7 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         self.subscribe(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
         self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         self.subscribe(ControllerState, "controller/state", self._on_controller, qos.STATUS)
+        self.subscribe(Path, "controller/planned_path", self._on_path, qos.LATCHED)
         self.serve(SetBool, "~/enable", self._on_enable)
         self.serve(CheckPose, "~/check_pose", self._on_check_pose)
         self.create_steady_timer(self.parameters.heartbeat_period, self._on_heartbeat)
@@ -126,6 +129,16 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
 
     def _on_controller(self, message: ControllerState) -> None:
         self._monitor.receive_controller(message.law, message.gain)
+
+    def _on_path(self, message: Path) -> None:
+        try:
+            path = path_from_message(message, self.parameters.scene_frame)
+        except PlsingError as error:
+            self.warn_of("planned_path not used for prediction", str(error))
+            path = ()
+        else:
+            self.warn_of("planned_path not used for prediction", "")
+        self._monitor.receive_path(path)
 
     def stop(self) -> None:
         """Say that nobody watches any more, and wait for no roll-out."""

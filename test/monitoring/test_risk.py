@@ -191,3 +191,14 @@ def test_poor_lines_do_not_alert_where_samples_of_their_pose_are_rolled_out():
             found = watched.monitor.answer(poor, watched.now, watched.now)
         levels.add((covariance is None, found.level))
     assert levels == {(False, Level.OK), (True, Level.WARN)}
+
+
+def test_a_path_of_detour_that_leads_away_is_announced_and_one_of_another_target_is_not():
+    start = Pose(LOOK @ Rotation.from_rotvec([0.0, 0.0, 0.2]).as_matrix(), TARGET.translation)
+    far = Pose(start.rotation, start.translation + [0.4, 0.0, 0.0])
+    for path, level in (((start, far, TARGET), Level.CRITICAL), ((start, far), Level.OK), ((), Level.OK)):
+        watched = Watched(law="detour", gain=0.5)
+        watched.monitor.receive_path(path)
+        found = watched.see(start)
+        assert found.level is level, found.reason
+        assert (found.risk.harm is Harm.AWAY) == (level is Level.CRITICAL)

@@ -329,3 +329,23 @@ def test_what_a_pose_is_off_by_is_no_way_gone():
     assert Harm(task.roll_out([start], RunState(14.0, 0.1), 0).kind[0]) is Harm.NONE
     blind = dataclasses.replace(task, T_world_camera=None)
     assert Harm(blind.roll_out([start], RunState(14.0, 0.1), 0).kind[0]) is Harm.AWAY
+
+
+@pytest.mark.parametrize(("begun", "out_for", "away_at"), [(0, 5.0, 3.0), (16, 1.0, 0.0)])
+def test_detour_is_rolled_out_along_what_is_left_of_its_path(begun, out_for, away_at):
+    # From a pure rotation 0.5 m aside at 0.1 m/s, and back.
+    path = tuple(
+        offset_pose([0.0, 0.0, 0.2 * (1.0 - share)], [0.5 - abs(1.0 - 2.0 * share) * 0.5, 0.0, 0.0])
+        for share in np.linspace(0.0, 1.0, 41)
+    )
+    loop = LoopModel(period=0.02, horizon=30.0)
+    task = RolloutTask(LINES, TARGET, RolloutLaw("detour", gain=0.5), loop, path=path)
+    half_way = dataclasses.replace(task, loop=dataclasses.replace(loop, horizon=out_for))
+    found = half_way.roll_out([path[begun]], RunState(60.0, 10.0), 0)
+    assert found.distance[0] == pytest.approx(0.5, abs=0.01)
+    assert Harm(task.roll_out([path[begun]], RunState(60.0, 10.0), 0).kind[0]) is Harm.NONE
+    away = task.roll_out([path[begun]], RunState(60.0, 0.2), 0)
+    assert Harm(away.kind[0]) is Harm.AWAY
+    assert away.harm_time[0] == pytest.approx(away_at, abs=0.1)
+    straight = dataclasses.replace(task, path=())
+    assert Harm(straight.roll_out([path[0]], RunState(60.0, 0.0), 0).kind[0]) is Harm.NONE
