@@ -10,7 +10,6 @@ import numpy as np
 from scipy.stats import beta
 
 from benchmark.alert_runs import Record
-from plsing_ros.levels import Level
 from plsing_ros.monitoring.rollout import Harm
 
 # The share of harmless runs that may alert.
@@ -38,8 +37,8 @@ def is_harmless(record: Record) -> bool:
 
 
 def stood_still(record: Record) -> bool:
-    """Return whether nothing moved, and the monitor said from the first frame on that the camera sees too little."""
-    return record.first_level in (Level.STALE, Level.UNOBSERVABLE) and record.speed == 0.0
+    """Return whether nothing moved, and the monitor said early enough that the camera sees too little."""
+    return record.speed == 0.0 and is_announced(record.first_blind, record.harm_time, lead_of(record))
 
 
 def wilson(hits: int, total: int) -> tuple[float, float]:

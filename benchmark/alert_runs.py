@@ -42,6 +42,7 @@ _ROUNDING = 1.0 + 1e-9
 # As the node publishes a path.
 _PATH_POSES = 100
 _ALERTS = (Level.WARN, Level.CRITICAL)
+_BLIND = (Level.STALE, Level.UNOBSERVABLE)
 
 
 @dataclass
@@ -62,7 +63,7 @@ class Record:
         scores: Of each simpler detector: (time, score) where it rose to a new maximum.
         changes: Of the level.
         frames: In all.
-        first_level: The first one, a value of Level; STALE or UNOBSERVABLE where no pose could be found.
+        first_blind: When the level was STALE or UNOBSERVABLE first [s], or None: no pose could be found.
         speed: The largest that was commanded, |v| in m/s or |omega| in rad/s.
         true_share: Share of other runs of the same task that come to harm, or None.
     """
@@ -87,7 +88,7 @@ class Record:
     scores: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
     changes: int = 0
     frames: int = 0
-    first_level: int = 0
+    first_blind: float | None = None
     speed: float = 0.0
     true_share: float | None = None
 
@@ -254,12 +255,11 @@ class _Run:
             record.alert_share += self._level in _ALERTS
             return
         level = int(assessment.level)
-        if record.frames == 0:
-            record.first_level = level
-        else:
-            record.changes += level != self._level
+        record.changes += bool(record.frames) and level != self._level
         record.frames += 1
         self._level = level
+        if record.first_blind is None and assessment.level in _BLIND:
+            record.first_blind = time
         if assessment.level in _ALERTS:
             record.alert_share += 1.0
             if record.first_alert is None:
