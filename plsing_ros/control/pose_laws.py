@@ -35,6 +35,8 @@ _NO_DOUBT = 0.05
 _FEAR = 24.0
 # Degrees of freedom of a pose.
 _OF_A_POSE = 6.0
+# What is said of lasting errors of the image counts as much as so many degrees of freedom that the image shows.
+_SAID = 1.0
 # Steps to where a doubted pose is corrected to: the first is only right for a small correction.
 _STEPS = 3
 # A displacement of fewer standard deviations of what is doubtful is not gone.
@@ -90,6 +92,8 @@ class PoseLaws:
         self._shown: Array | None = None
         # What was seen lately, over what is said: of the image's errors, and of the pose's.
         self._noise, self._explained, self._frames = 1.0, 1.0, 0
+        # The same of lasting errors of the image, which may be smaller than is said.
+        self._calibration = 1.0
         # By how much the pose is doubted, which is not forgotten where the image shows less of it.
         self._doubt = 0.0
 
@@ -161,6 +165,8 @@ class PoseLaws:
             delta = np.asarray(np.linalg.solve(information, pull), dtype=float)
             return Displacement(_composed(told.twist, delta), lambda: _propagated(J, weights, information, own, P))
         feared = believed + doubt * (1.0 + shown) * P
+        # Where the pose is not to be relied on, the image is taken as good as it shows itself.
+        weights = averaged * own + lasting * self._calibration
         twist = self._doubted(lines, image, told.twist, weights, believed, feared)
         return Displacement(
             twist, lambda: _propagated(J, weights, _information(J, r, weights)[0] + np.linalg.inv(feared), own, feared)
@@ -224,6 +230,7 @@ class PoseLaws:
         self._frames += 1
         # The mean of the first frames, then of the latest.
         share = max(_MEMORY, 1.0 / self._frames)
+        self._calibration += share * ((_SAID + left) / (_SAID + max(len(r) - _OF_A_POSE, 0.0)) - self._calibration)
         self._explained += share * (explained / (_OF_A_POSE * self._noise) - self._explained)
         excess = self._explained - _DOUBTFUL - _AT_FIRST / math.sqrt(self._frames)
         self._doubt = max(0.0, excess, self._doubt * (1.0 - _TRUST_AGAIN))

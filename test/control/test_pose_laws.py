@@ -89,21 +89,36 @@ def test_the_image_corrects_3d_lines_at_a_wrong_pose(error, offset):
     assert np.linalg.norm(fused - right) <= 0.05 * np.linalg.norm(by_pose - right) + 1e-6
 
 
-@given(direction=vectors(3, -1.0, 1.0), off=numbers(0.02, 0.6), start=vectors(3, -0.4, 0.4), turn=vectors(3, -0.1, 0.1))
-@settings(deadline=None, max_examples=20)
-def test_fused_never_ends_farther_away_by_a_wrong_pose(direction, off, start, turn):
+def run_with_wrong_pose(direction, off, start, turn):
+    """Distances from the target of a camera whose pose is off, at the beginning and end, and the last command."""
     assume(np.linalg.norm(direction) > 0.1 and np.linalg.norm(start) > 0.05)
     error = np.concatenate([off * direction / np.linalg.norm(direction), turn])
     servo, pose = servo_with("fused", gain=1.0), TARGET.integrate(np.concatenate([start, np.zeros(3)]), 1.0)
-    began = np.linalg.norm(pose.translation - TARGET.translation)
+    began, command = np.linalg.norm(pose.translation - TARGET.translation), None
     for k in range(60):
         now = (k + 1) * SECOND // 10
         image, told = seen_by(pose), seen_by(pose.integrate(error, 1.0))
         if not (image.usable.all() and told.usable.all()):
             break
         observation = LineObservation(LINES.ids, image.image_lines, image.usable, told.lines_camera)
-        pose = pose.integrate(servo.answer(observation, now, now).twist, 0.1)
-    assert np.linalg.norm(pose.translation - TARGET.translation) <= began + 1e-3
+        command = servo.answer(observation, now, now)
+        pose = pose.integrate(command.twist, 0.1)
+    return began, np.linalg.norm(pose.translation - TARGET.translation), command
+
+
+@given(direction=vectors(3, -1.0, 1.0), off=numbers(0.02, 0.6), start=vectors(3, -0.4, 0.4), turn=vectors(3, -0.1, 0.1))
+@settings(deadline=None, max_examples=20)
+def test_fused_never_ends_farther_away_by_a_wrong_pose(direction, off, start, turn):
+    began, ended, _ = run_with_wrong_pose(direction, off, start, turn)
+    assert ended <= began + 1e-3
+
+
+@given(direction=vectors(3, -1.0, 1.0), off=numbers(0.05, 0.2), start=vectors(3, -0.4, 0.4))
+@settings(deadline=None, max_examples=20)
+def test_fused_reaches_a_target_by_an_image_that_fits_the_map_though_the_pose_is_wrong(direction, off, start):
+    _, ended, command = run_with_wrong_pose(direction, off, start, np.zeros(3))
+    assume(command.mode.moves)
+    assert ended < 0.03
 
 
 def test_the_covariance_of_a_pose_decides_how_far_the_image_corrects_it():
