@@ -45,6 +45,7 @@ from benchmark.camera_sequences import (
 )
 from benchmark.kept_results import kept_results, parts
 from benchmark.pose_filter_faults import disturbances
+from benchmark.pose_filter_figure import draw
 from benchmark.pose_filter_scenes import flat_scenes, measured_covariances
 from benchmark.timing import median_seconds
 from plsing_ros.geometry import LineSet, Pose
@@ -63,8 +64,8 @@ def main(quick: bool = False) -> None:
     report(SEED, QUICK_SCENES if quick else SCENES)
 
 
-def report(seed: int, scenes: int) -> None:
-    """Print all tables."""
+def report(seed: int, scenes: int, figure: str = "") -> None:
+    """Print all tables, and draw the figure where that is asked for."""
     for line in chain(
         crossings(seed, scenes),
         disturbances(seed, max(10, scenes // 4)),
@@ -73,6 +74,8 @@ def report(seed: int, scenes: int) -> None:
         speed(),
     ):
         print(line, flush=True)
+    if figure:
+        draw(crossing_records(next(iter(STARTS)), seed, scenes), figure)
 
 
 # Columns of a record: distance to the locus, error of the position, NEES of all, position and orientation, jump from
@@ -183,13 +186,19 @@ def crossed(task: tuple[str, int, range]) -> dict[str, list[np.ndarray]]:
     return records
 
 
+def crossing_records(name: str, seed: int, scenes: int) -> dict[str, list[np.ndarray]]:
+    """Return what filter and rivals make of all sequences with one of STARTS."""
+    records: dict[str, list[np.ndarray]] = {}
+    for part in kept_results(crossed, [(name, seed, numbers) for numbers in parts(scenes)]):
+        for rival, runs in part.items():
+            records.setdefault(rival, []).extend(runs)
+    return records
+
+
 def crossings(seed: int, scenes: int) -> Iterator[str]:
     """Yield the table of errors and NEES by distance to the loci, for the filter and its rivals."""
     for name in STARTS:
-        records: dict[str, list[np.ndarray]] = {}
-        for part in kept_results(crossed, [(name, seed, numbers) for numbers in parts(scenes)]):
-            for rival, runs in part.items():
-                records.setdefault(rival, []).extend(runs)
+        records = crossing_records(name, seed, scenes)
         yield f"start {name}, {scenes} sequences; NEES of all, position, orientation: 95 % of means in {_bands(scenes)}"
         for rival, runs in records.items():
             for low, high in BANDS:
@@ -273,5 +282,6 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=SEED, help=f"of scenes and noise (default: {SEED})")
     parser.add_argument("--scenes", type=int, default=SCENES, help=f"how many sequences (default: {SCENES})")
     parser.add_argument("--quick", action="store_true", help=f"only {QUICK_SCENES} sequences")
+    parser.add_argument("--figure", default="", help="PNG of the errors over the distance to the loci")
     options = parser.parse_args()
-    report(options.seed, QUICK_SCENES if options.quick else options.scenes)
+    report(options.seed, QUICK_SCENES if options.quick else options.scenes, options.figure)
