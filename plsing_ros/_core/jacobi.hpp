@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The singular value decomposition of a small square matrix by one-sided Jacobi rotations (Hestenes; accuracy: Demmel and
-// Veselic). Eigen's two-sided ones take 2.7 times as long for a 6 x 6 matrix: docs/results/native_core.md.
+// Veselic). Eigen's two-sided ones take several times as long for a 6 x 6 matrix: docs/results/native_core.md.
 
 #pragma once
 
