@@ -21,9 +21,11 @@ from plsing_ros.features import (
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Trend
+from plsing_ros.monitoring.hysteresis import Debounce, Hysteresis, Thresholds
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.simulation.simulated_camera import SimulatedCamera
+from plsing_ros.singularities import Kind
 
 START = Pose(LOOK, ON_TRANSVERSAL + [0.2, 0.3, 0.0])
 NOW, STEP = 10**12, 40_000_000
@@ -332,3 +334,24 @@ def test_every_number_is_finite_wherever_the_camera_is(center, v):
     ):
         assert number is None or np.isfinite(number)
     assert "inf" not in found.reason and "nan" not in found.reason
+
+
+@given(offsets=st.lists(st.sampled_from([0.005, 0.03, 0.1, 0.3]), min_size=1, max_size=20))
+@settings(max_examples=40, deadline=None)
+def test_frames_above_all_thresholds_count_for_hysteresis_and_debounce(offsets):
+    """Levels are those of the distance alone, whether the numbers before were looked at closely or not."""
+    thresholds = {"warn.transversal_distance": 0.05, "warn.transversal_distance_exit": 0.2}
+    debounce = {"debounce.raise": 2, "debounce.lower": 3, "prediction.rollout_rules": False}
+    monitor = monitor_for(**(OFF | thresholds | debounce))
+    reference, found, expected = Hysteresis(), [], []
+    for frame, offset in enumerate(offsets):
+        pose, stamp = Pose(LOOK, ON_TRANSVERSAL + [0.0, offset, 0.0]), NOW + frame * STEP
+        monitor.receive_pose(pose, stamp)
+        assessment = monitor.answer(seen(pose), stamp, stamp)
+        distance = assessment.locus_distances[
+            [kind is Kind.TRANSVERSAL for kind in monitor.singular_set.locus_kinds]
+        ].min()
+        found.append(assessment.level)
+        expected.append(reference.update(distance, Thresholds(0.05, 0.0, 0.2, 0.0), Debounce(2, 3)))
+        assert ("transversal_distance" in assessment.kind) == (assessment.level is not Level.OK)
+    assert found == expected
