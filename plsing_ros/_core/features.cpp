@@ -27,18 +27,10 @@ py::tuple subtract(const Values &a, const Values &b)
 py::object interaction_matrix(const Vectors &direction, const Vectors &moment, double min_depth)
 {
     require(direction.rows() == moment.rows(), "there must be a moment for each direction");
-    Tall matrix;
-    if (!fill_interaction_matrix(direction, moment, min_depth, matrix))
+    Tall rows;
+    if (!fill_rows(direction, moment, min_depth, rows))
         return py::none();
-    return array_of(matrix);
-}
-
-py::object parts_of(const Svd &decomposed)
-{
-    if (!decomposed.is_finite())
-        return py::none();
-    return py::make_tuple(array_of(decomposed.left()), array_of(decomposed.values()),
-                          array_of(decomposed.right().transpose()));
+    return array_of(expanded(moment, rows));
 }
 
 void require_few_columns(const View<Dynamic, Dynamic> &matrix)
@@ -49,16 +41,24 @@ void require_few_columns(const View<Dynamic, Dynamic> &matrix)
 py::object svd(const View<Dynamic, Dynamic> &matrix)
 {
     require_few_columns(matrix);
-    return parts_of(Svd(Tall(matrix)));
+    const Svd decomposed{Tall(matrix)};
+    if (!decomposed.is_finite())
+        return py::none();
+    return py::make_tuple(array_of(decomposed.left()), array_of(decomposed.values()),
+                          array_of(decomposed.right().transpose()));
 }
 
 py::object interaction_svd(const Vectors &direction, const Vectors &moment, double min_depth)
 {
     require(direction.rows() == moment.rows(), "there must be a moment for each direction");
-    Tall matrix;
-    if (!fill_interaction_matrix(direction, moment, min_depth, matrix))
+    Tall rows;
+    if (!fill_rows(direction, moment, min_depth, rows))
         return py::none();
-    return parts_of(Svd(matrix));
+    const Svd decomposed(rows);
+    if (!decomposed.is_finite())
+        return py::none();
+    return py::make_tuple(array_of(expanded(moment, decomposed.left())), array_of(decomposed.values()),
+                          array_of(decomposed.right().transpose()));
 }
 
 py::object solve(const View<Dynamic, Dynamic> &matrix, const Values &right_side, double factor, double threshold)
@@ -78,14 +78,14 @@ py::object compute_twist(const Vectors &direction, const Vectors &moment, const 
 {
     const Index n = direction.rows();
     require(moment.rows() == n && image.size() == 3 * n && target_image.size() == 3 * n, "there must be n lines in each");
-    Tall matrix;
-    if (!fill_interaction_matrix(direction, moment, min_depth, matrix))
+    Tall rows;
+    if (!fill_rows(direction, moment, min_depth, rows))
         return py::none();
     const Eigen::VectorXd error = image - target_image;
-    const Svd decomposed(matrix);
+    const Svd decomposed(rows);
     if (!decomposed.is_finite())
         return py::none();
-    const Unknowns twist = decomposed.solve(-gain * decomposed.components(error), threshold);
+    const Unknowns twist = decomposed.solve(-gain * decomposed.components(reduced(moment, error)), threshold);
     return py::make_tuple(array_of(twist), norm_of(twist), array_of(decomposed.values()), norm_of(error));
 }
 

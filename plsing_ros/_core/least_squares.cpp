@@ -20,9 +20,14 @@ Svd::Svd(const Eigen::Ref<const Tall> &matrix)
     int exponent = 0;
     std::frexp(size, &exponent);
     exponent = std::max(exponent, -1000);
-    Tall scaled = Tall::Zero(std::max(m, k), k);
-    scaled.topRows(m) = std::ldexp(1.0, -exponent) * matrix;
-    triangular_.compute(scaled);
+    const double scale = std::ldexp(1.0, -exponent);
+    if (m >= k) {
+        triangular_.compute(scale * matrix);
+    } else {
+        Tall padded = Tall::Zero(k, k);
+        padded.topRows(m) = scale * matrix;
+        triangular_.compute(padded);
+    }
     const Small triangle = triangular_.matrixQR().topRows(k).triangularView<Eigen::Upper>();
     Matrix6d transposed = Matrix6d::Zero();
     transposed.topLeftCorner(k, k) = triangle.transpose();

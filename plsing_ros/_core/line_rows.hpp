@@ -16,7 +16,8 @@ constexpr double min_depth = 1e-9;
 inline double image_depth(const Vector3d &moment) { return std::sqrt(moment[0] * moment[0] + moment[1] * moment[1]); }
 
 // Fill rows 2 i and 2 i + 1 for a line (u, l) in the camera frame with image line s = l / depth.
-inline void fill_line_rows(const Vector3d &u, const Vector3d &l, double depth, Rows &rows, Eigen::Index i)
+template <typename Matrix>
+void fill_line_rows(const Vector3d &u, const Vector3d &l, double depth, Matrix &rows, Eigen::Index i)
 {
     const Vector3d s = l / depth;
     // dl/dt = -(v x u + omega x l): its parts across the image line, and along the normal.

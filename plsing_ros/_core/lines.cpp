@@ -2,11 +2,13 @@
 // Lines and poses: moved, projected, checked and aligned.
 #include "lines.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
 
 #include "jacobi.hpp"
+#include "line_rows.hpp"
 
 namespace plsing {
 
@@ -33,22 +35,40 @@ Lines in_frame(const Rows3Ref &direction, const Rows3Ref &moment, const Pose &T_
             (moment + direction * skew(T_a_b.translation)) * T_a_b.rotation};
 }
 
-bool fill_interaction_matrix(const Rows3Ref &direction, const Rows3Ref &moment, double min_depth, Tall &matrix)
+bool fill_rows(const Rows3Ref &direction, const Rows3Ref &moment, double min_depth, Tall &rows)
 {
-    const Index n = direction.rows();
-    matrix.resize(3 * n, 6);
-    for (Index i = 0; i < n; i++) {
+    rows.resize(2 * direction.rows(), 6);
+    for (Index i = 0; i < direction.rows(); i++) {
         const Vector3d l = moment.row(i);
         const double depth = std::hypot(l.x(), l.y());
         if (!has_image(l, depth, min_depth))
             return false;
-        const Vector3d image = l / depth;
-        Eigen::Matrix<double, 3, 6> rate;
-        rate << skew(direction.row(i)), skew(l);
-        const Eigen::Matrix<double, 1, 6> depth_rate = image.x() * rate.row(0) + image.y() * rate.row(1);
-        matrix.middleRows<3>(3 * i) = (rate - image * depth_rate) / depth;
+        fill_line_rows(direction.row(i), l, depth, rows, i);
     }
     return true;
+}
+
+Tall expanded(const Rows3Ref &moment, const Tall &rows)
+{
+    Tall matrix(3 * moment.rows(), rows.cols());
+    for (Index i = 0; i < moment.rows(); i++) {
+        const double depth = std::hypot(moment(i, 0), moment(i, 1));
+        matrix.row(3 * i) = -moment(i, 1) / depth * rows.row(2 * i);
+        matrix.row(3 * i + 1) = moment(i, 0) / depth * rows.row(2 * i);
+        matrix.row(3 * i + 2) = rows.row(2 * i + 1);
+    }
+    return matrix;
+}
+
+Eigen::VectorXd reduced(const Rows3Ref &moment, const Eigen::Ref<const Eigen::VectorXd> &values)
+{
+    Eigen::VectorXd two(2 * moment.rows());
+    for (Index i = 0; i < moment.rows(); i++) {
+        const double depth = std::hypot(moment(i, 0), moment(i, 1));
+        two(2 * i) = (moment(i, 0) * values(3 * i + 1) - moment(i, 1) * values(3 * i)) / depth;
+        two(2 * i + 1) = values(3 * i + 2);
+    }
+    return two;
 }
 
 Eigen::VectorXd image_error(const Rows3Ref &moment, const Rows3Ref &image_lines)
@@ -65,6 +85,8 @@ namespace {
 
 // As _PARALLEL in geometry/line_alignment.py.
 constexpr double min_spread = 1e-6;
+// Of the pivots of the normal equations of a translation: the square of a ratio of singular values.
+constexpr double parallel = 1e-15;
 
 // Comparisons are written so that they fail for what is not a number.
 
@@ -128,20 +150,29 @@ Alignment aligned(const Rows3Ref &direction, const Rows3Ref &moment, const Rows3
     left.col(2) = left.col(0).cross(left.col(1));
     right.col(2) = right.col(0).cross(right.col(1));
     found.pose.rotation = left * right.transpose();
-    // t x u = l - R l_seen, three rows for each line.
-    Eigen::MatrixX3d matrix(3 * n, 3);
-    Eigen::VectorXd misfit(3 * n);
-    for (Index i = 0; i < n; i++) {
-        const Vector3d u = direction.row(i), turned = found.pose.rotation * seen_direction.row(i).transpose();
-        found.min_cosine = std::min(found.min_cosine, u.dot(turned));
-        matrix.middleRows<3>(3 * i) = -skew(u);
-        misfit.segment<3>(3 * i) = moment.row(i).transpose() - found.pose.rotation * seen_moment.row(i).transpose();
-    }
-    const Eigen::ColPivHouseholderQR<Eigen::MatrixX3d> qr(matrix);
-    if (!misfit.allFinite() || !qr.isInjective())
+    // t x u = l - R l_seen, three equations for each line.
+    Rows3 misfit = moment - seen_moment * found.pose.rotation.transpose();
+    if (!misfit.allFinite())
         return found;
-    found.pose.translation = qr.solve(misfit);
-    found.offset = (matrix * found.pose.translation - misfit).norm() / std::sqrt(static_cast<double>(n));
+    Matrix3d normal = Matrix3d::Zero();
+    for (Index i = 0; i < n; i++) {
+        const Vector3d u = direction.row(i);
+        found.min_cosine = std::min(found.min_cosine, u.dot(found.pose.rotation * seen_direction.row(i).transpose()));
+        normal += u.squaredNorm() * Matrix3d::Identity() - u * u.transpose();
+    }
+    const Eigen::LDLT<Matrix3d> solver(normal);
+    // Lines that are parallel to rounding leave the translation along them open.
+    if (!(solver.vectorD().minCoeff() > parallel * static_cast<double>(n)))
+        return found;
+    // The second step takes away what the squares in `normal` cost of accuracy.
+    for (int step = 0; step < 2; step++) {
+        Vector3d right_side = Vector3d::Zero();
+        for (Index i = 0; i < n; i++) right_side += direction.row(i).cross(misfit.row(i));
+        const Vector3d moved = solver.solve(right_side);
+        found.pose.translation += moved;
+        for (Index i = 0; i < n; i++) misfit.row(i) -= moved.cross(direction.row(i).transpose());
+    }
+    found.offset = misfit.norm() / std::sqrt(static_cast<double>(n));
     found.is_fixed = true;
     return found;
 }

@@ -40,8 +40,14 @@ inline bool has_image(const Vector3d &moment, double depth, double min_depth)
            depth >= min_depth * std::max(1.0, moment.cwiseAbs().maxCoeff());
 }
 
-// Fill the interaction matrix (3n, 6) of n lines in the camera frame; false, with it unfinished, if one has no image.
-bool fill_interaction_matrix(const Rows3Ref &direction, const Rows3Ref &moment, double min_depth, Tall &matrix);
+// Fill the rows of line_rows.hpp, (2n, 6), for n lines in the camera frame; false, unfinished, if one has no image.
+bool fill_rows(const Rows3Ref &direction, const Rows3Ref &moment, double min_depth, Tall &rows);
+
+// B of line_rows.hpp times two rows for each line of these moments: three rows for each.
+Tall expanded(const Rows3Ref &moment, const Tall &rows);
+
+// B' times three numbers for each line: two numbers for each.
+Eigen::VectorXd reduced(const Rows3Ref &moment, const Eigen::Ref<const Eigen::VectorXd> &values);
 
 // The images of lines of these moments minus image lines, (3n); not finite if a line has no image.
 Eigen::VectorXd image_error(const Rows3Ref &moment, const Rows3Ref &image_lines);

@@ -26,13 +26,14 @@ py::object step_law(const Stack<Dynamic, 3> &lines, const Vectors &target_image,
     require(lines.size() == 2 && lines.rows() > 1 && target_image.rows() == lines.rows(),
             "there must be direction and moment of the same lines, two or more, as there are image lines");
     const Lines moved = in_frame(lines[0], lines[1], exponential(twist * duration));
-    Tall matrix;
-    if (!fill_interaction_matrix(moved.direction, moved.moment, min_depth, matrix))
+    Tall rows;
+    if (!fill_rows(moved.direction, moved.moment, min_depth, rows))
         return py::none();
-    const Svd decomposed(matrix);
+    const Svd decomposed(rows);
     if (!decomposed.has_full_rank())
         return py::none();
-    const Vector6d next = -decomposed.solve(decomposed.components(image_error(moved.moment, target_image)));
+    const Eigen::VectorXd error = reduced(moved.moment, image_error(moved.moment, target_image));
+    const Vector6d next = -decomposed.solve(decomposed.components(error));
     if (!(next.norm() < max_speed))
         return py::none();
     return py::make_tuple(stacked(moved), array_of(gain * next));

@@ -275,7 +275,7 @@ class ServoController:
         problem = self._check.contradiction(observation, None if told is None else told.T_world_camera)
         if problem is not None:
             return self.halt(problem)
-        closed = self._closed(now)
+        closed = None if parameters.gate == "none" else self.gate.closed(now, needs_risk=parameters.gate == "risk")
         if closed is not None and not self.gate.may_be_left(now):
             self._pause()
             return Command(Mode.HALTED, closed)
@@ -352,11 +352,6 @@ class ServoController:
         if problem is None and reaction == "halt":
             problem = f"3-D lines are {observation.verdict.name}: {observation.verdict_reason}"
         return None if problem is None else Command(Mode.HALTED, problem)
-
-    def _closed(self, now: int) -> str | None:
-        """Return why the gate is closed now [ns], or None."""
-        gate = self.parameters.gate
-        return None if gate == "none" else self.gate.closed(now, needs_risk=gate == "risk")
 
     def halt(self, reason: str) -> Command:
         """Return a command of zero twist with the reason, for features that cannot be used or for a shutdown."""

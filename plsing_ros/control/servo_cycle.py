@@ -242,15 +242,17 @@ class ServoCycle:
         if scale != 1.0:
             twist = twist * scale
         limited = 1.0
+        linear, angular = parameters.speed_limits
         # As a whole no longer than the lower limit: within both.
-        if scale * speed > min(parameters.speed_limits):
-            twist, limited = saturated(twist, *parameters.speed_limits)
+        if scale * speed > linear or scale * speed > angular:
+            twist, limited = saturated(twist, linear, angular)
         output = twist if not parameters.tool_frame else self._tool_twist(twist)
         if output is None:
             return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
         self._factor = scale * limited
         self._speed = self._factor * asked.gain
-        self._look_ahead.sent(twist, stamp)
+        if parameters.latency > 0.0:
+            self._look_ahead.sent(twist, stamp)
         values = asked.values.tolist()
         mode, reason = Mode.SERVOING, ""
         if reference is None or reference.progress >= 1.0:

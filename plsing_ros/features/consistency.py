@@ -111,7 +111,10 @@ class ConsistencyCheck:
         problem = None
         if not self._agrees(observation.usable_image_lines, lines, T_world_camera):
             problem = self._disagreement(observation.usable_image_lines, lines, T_world_camera)
-        return problem or self._of_near_pairs(observation, lines)
+        covariances = observation.usable_covariances
+        if problem is not None or covariances is None:
+            return problem
+        return self._of_near_pairs(observation.usable_image_lines, lines, covariances)
 
     def _disagreement(self, image: Array, lines: LineSet, told: Pose | None) -> str | None:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -149,12 +152,9 @@ class ConsistencyCheck:
             *self._near,
         )
 
-    def _of_near_pairs(self, observation: LineObservation, lines: LineSet) -> str | None:
-        covariances = observation.usable_covariances
-        if covariances is None:
-            return None
+    def _of_near_pairs(self, image: Array, lines: LineSet, covariances: Array) -> str | None:
         map_std = self.tolerances.position / _DEVIATIONS
-        rows = exchanged_pair(observation.usable_image_lines, lines.moment, covariances, map_std)
+        rows = exchanged_pair(image, lines.moment, covariances, map_std)
         return None if rows is None else exchanged_images_text(*(lines.ids[row] for row in rows))
 
     def _of_image(self, image: Array, lines: LineSet) -> str | None:

@@ -92,11 +92,14 @@ def test_there_is_no_svd_of_what_is_not_finite_or_overflows(value):
 
 @given(lines=st.one_of(seen_lines(min_size=2), seen_lines(min_size=45, max_size=50)))
 def test_the_decomposition_of_an_interaction_matrix_is_that_of_the_two_steps(lines):
-    parts = _core.interaction_svd(lines.direction, lines.moment, MIN_DEPTH)
-    for part, expected in zip(
-        parts, _core.svd(_core.interaction_matrix(lines.direction, lines.moment, MIN_DEPTH)), strict=True
-    ):
-        np.testing.assert_array_equal(part, expected)
+    left, values, right = _core.interaction_svd(lines.direction, lines.moment, MIN_DEPTH)
+    matrix = _core.interaction_matrix(lines.direction, lines.moment, MIN_DEPTH)
+    rounding = 1e-14 * values[0]
+    np.testing.assert_allclose((left * values) @ right, matrix, rtol=0.0, atol=rounding)
+    np.testing.assert_allclose(values, _core.svd(matrix)[1], rtol=0.0, atol=rounding)
+    np.testing.assert_allclose(right @ right.T, np.eye(6), atol=1e-14)
+    seen = values > rounding
+    np.testing.assert_allclose((left.T @ left)[np.ix_(seen, seen)], np.eye(6)[np.ix_(seen, seen)], atol=1e-13)
 
 
 @pytest.mark.parametrize(("element", "good"), [(0.3, True), (0.0, False), (np.inf, False), (np.nan, False)])
