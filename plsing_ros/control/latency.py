@@ -27,6 +27,8 @@ _HERE = Pose(np.eye(3), np.zeros(3))
 class _Sent:
     """A twist that was sent, with the motion of the time that it was asked for last."""
 
+    __slots__ = ("_held", "_motion", "_twist", "stamp")
+
     def __init__(self, stamp: int, twist: Array) -> None:
         self.stamp = stamp
         self._twist = twist

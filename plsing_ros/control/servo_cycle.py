@@ -251,8 +251,7 @@ class ServoCycle:
             return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")
         self._factor = scale * limited
         self._speed = self._factor * asked.gain
-        if parameters.latency > 0.0:
-            self._look_ahead.sent(twist, stamp)
+        self._look_ahead.sent(twist, stamp)
         values = asked.values.tolist()
         mode, reason = Mode.SERVOING, ""
         if reference is None or reference.progress >= 1.0:

@@ -151,3 +151,19 @@ def test_no_live_parameter_is_forgotten():
 
 def test_the_situations_are_what_they_are_meant_to_be():
     assert np.linalg.norm(NEAR.translation - FOOT) < 0.06
+
+
+def test_twists_under_way_count_when_a_latency_is_set_while_servoing():
+    """The twist of the frame before acts between the next frame and the motion that answers it."""
+    start = {"law": "pinv", "gain": 1.0, "max_linear_speed": 0.0, "max_angular_speed": 0.0}
+    scene = {"lines.points": tuple(LINES.point.ravel()), "lines.directions": tuple(LINES.direction.ravel())}
+    target = {"target.position": TARGET.translation, "target.orientation": TARGET.quaternion_xyzw}
+    values = {**scene, **{name: tuple(each) for name, each in target.items()}, **start}
+    servo = ServoController.from_parameters(ControllerParameters.from_values(values))
+    sent = servo.answer(seen(NEAR), NOW, NOW).twist
+    assert np.linalg.norm(sent) > 0.1
+    servo.parameters = servo.parameters.with_values({"latency": STEP * 1e-9})
+    found = servo.answer(seen(NEAR), NOW + STEP, NOW + STEP).twist
+    fresh = ServoController.from_parameters(ControllerParameters.from_values(values))
+    expected = fresh.answer(seen(NEAR.integrate(sent, STEP * 1e-9)), NOW, NOW).twist
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
