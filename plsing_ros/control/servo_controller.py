@@ -18,7 +18,7 @@ from plsing_ros.control.pose_laws import PoseErrors
 from plsing_ros.control.servo_cycle import ServoCycle
 from plsing_ros.errors import GeometryError, ObservationError, PlsingError
 from plsing_ros.features import LineObservation, LinesVerdict, checked_observation
-from plsing_ros.features.consistency import ConsistencyCheck
+from plsing_ros.features.consistency import ConsistencyCheck, left_out_text
 from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_alignment import matched
@@ -289,7 +289,7 @@ class ServoController:
             command = leave(command, lines, closed)
         unknown = self._check.unknown_ids(observation)
         if unknown:
-            command = _with_note(command, _unknown_text(unknown))
+            command = _with_note(command, left_out_text(unknown))
         hint = self._age.hint(stamp, now, parameters.gain, parameters.latency)
         return _with_note(command, hint) if hint else command
 
@@ -442,11 +442,6 @@ def _reaction(verdict: LinesVerdict, parameters: ControllerParameters) -> str:
     if verdict is LinesVerdict.GIVEN or verdict is LinesVerdict.OK:
         return "ignore"
     return parameters.poor_lines if verdict is LinesVerdict.POOR else parameters.ambiguous_lines
-
-
-def _unknown_text(unknown: tuple[int, ...]) -> str:
-    ids = ", ".join(map(str, unknown))
-    return f"line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene: left out"
 
 
 def _with_note(command: Command, note: str) -> Command:

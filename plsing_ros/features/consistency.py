@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,11 @@ _DEVIATIONS = 8.0
 # Up to this share of what is allowed, directions are not looked at line by line.
 _SURE = 0.1
 _NOTHING = np.empty((0, 3))
+
+
+def left_out_text(ids: Sequence[int]) -> str:
+    """Return that lines of these ids are not in the scene, as a clause."""
+    return f"line id{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids))} not in the scene: left out"
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from plsing_ros.features import (
     decompose,
     decompose_interaction,
 )
-from plsing_ros.features.consistency import ConsistencyCheck
+from plsing_ros.features.consistency import ConsistencyCheck, left_out_text
 from plsing_ros.features.decomposition import Decomposition
 from plsing_ros.features.target import MINIMUM_LINES
 from plsing_ros.geometry import LineSet, Pose
@@ -429,9 +429,8 @@ class SingularityMonitor:
         unknown = sorted(set(observation.ids).difference(known))
         if not unknown:
             return observation, ""
-        ids = ", ".join(map(str, unknown))
         kept = observation.select([row for row, i in enumerate(observation.ids) if i not in unknown])
-        return kept, f"; line id{'s' if len(unknown) > 1 else ''} {ids} not in the scene: left out"
+        return kept, f"; {left_out_text(unknown)}"
 
     def _hold_or_refuse(self, reason: str, stamp: int, observation: LineObservation) -> Assessment:
         """Return what was said last while lines are missing for a few frames, else UNOBSERVABLE."""
