@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import beta
 
 from benchmark.alert_runs import Record
-from plsing_ros.monitoring.rollout import Harm
+from plsing_ros.planning.rollout import Harm
 
 # The share of harmless runs that may alert.
 FALSE = 0.05

@@ -26,9 +26,9 @@ from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.risk import Risk
-from plsing_ros.monitoring.rollout import Harm, RolloutLaw
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.planning.detour import Plan
+from plsing_ros.planning.rollout import Harm, RolloutLaw
 from plsing_ros.pose.pose_tracker import PoseTracker
 
 _SECOND = 1_000_000_000

@@ -23,8 +23,8 @@ from benchmark.alert_runs import watched_run
 from benchmark.alert_settings import draw_setting, monitor_parameters
 from benchmark.monitor_settings import RATE, SEED, settings
 from benchmark.servo_conditions import Camera
-from plsing_ros.monitoring.rollout import LoopModel, RolloutLaw, RolloutTask, RunState
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
+from plsing_ros.planning.rollout import LoopModel, RolloutLaw, RolloutTask, RunState
 
 _SECOND = 1_000_000_000
 _LAWS = ("pinv", "dls", "adaptive_dls", "guarded", "position")

@@ -889,7 +889,7 @@ def roll_out(
         seed: Of all noise.
 
     Returns:
-        The fields of monitoring.rollout.Outcomes.
+        The fields of planning.rollout.Outcomes.
     """
 
 def law_twist(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a closed-loop roll-out is made of; units, frames and meanings: plsing_ros/monitoring/rollout.py.
+// What a closed-loop roll-out is made of; units, frames and meanings: plsing_ros/planning/rollout.py.
 #pragma once
 
 #include <Eigen/Geometry>

@@ -284,7 +284,7 @@ void bind_rollout(py::module_ &module)
     module.def("roll_out", &roll_out_all, py::arg("direction"), py::arg("moment"), py::arg("ends"), py::arg("target"),
                py::arg("covariances"), py::arg("residuals"), py::arg("believed"), py::arg("loci"), py::arg("path"),
                py::arg("law"), py::arg("loop"), py::arg("state"), py::arg("rotations"), py::arg("translations"), py::arg("seed"),
-               "Run the closed loop ahead from k starts; plsing_ros/monitoring/rollout.py says what is what.");
+               "Run the closed loop ahead from k starts; plsing_ros/planning/rollout.py says what is what.");
     module.def("law_twist", &twist_of_law, py::arg("direction"), py::arg("moment"), py::arg("ends"), py::arg("target"),
                py::arg("loci"), py::arg("law"), py::arg("loop"), py::arg("camera"), py::arg("image"),
                "The twist that a roll-out commands for image lines, or for what an undisturbed camera sees.");

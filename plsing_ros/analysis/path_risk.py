@@ -12,9 +12,9 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.monitoring.rollout import Harm, RolloutLaw, RunState
 from plsing_ros.monitoring.rollout_setup import FRAME_PERIOD, rollout_task
 from plsing_ros.parameters import MonitorParameters
+from plsing_ros.planning.rollout import Harm, RolloutLaw, RunState
 from plsing_ros.singularities import SingularSet
 
 SAMPLES = 16

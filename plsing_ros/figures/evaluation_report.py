@@ -18,7 +18,7 @@ from plsing_ros.analysis.evaluation.evaluation import HARM_TEXT, Evaluation, Saf
 from plsing_ros.analysis.evaluation.setup import HARD, YOURS
 from plsing_ros.analysis.rates import Rate
 from plsing_ros.figures.report_page import image_element, list_element, table_element, write_page
-from plsing_ros.monitoring.rollout import Harm
+from plsing_ros.planning.rollout import Harm
 
 _COLORS = {Safety.SAFE: "#2a7", Safety.CARE: "#c90", Safety.UNKNOWN: "#888", Safety.UNSAFE: "#c33"}
 # Intervals of time over which poses are gathered, and the share of runs between the lines.

@@ -12,7 +12,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
-from plsing_ros.monitoring.rollout import RolloutTask
+from plsing_ros.planning.rollout import RolloutTask
 
 # Laws whose roll-out commands the controller's own twists for what the camera sees.
 _COMPARED = ("pinv", "dls", "adaptive_dls", "guarded", "position")

@@ -7,11 +7,11 @@ import dataclasses
 
 from plsing_ros.geometry import Pose
 from plsing_ros.monitoring.risk import Risk
-from plsing_ros.monitoring.rollout import RolloutLaw, RunState
 from plsing_ros.monitoring.rollout_setup import FRAME_PERIOD, MAX_STEPS, rollout_task
 from plsing_ros.monitoring.run_clock import distance_between
 from plsing_ros.monitoring.shaking import expected_shaking
 from plsing_ros.parameters import ControllerParameters, MonitorParameters
+from plsing_ros.planning.rollout import RolloutLaw, RunState
 from plsing_ros.singularities import SingularSet, singular_set
 
 LAWS = ("pinv", "dls", "adaptive_dls", "guarded", "detour", "position")

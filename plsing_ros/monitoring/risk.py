@@ -20,11 +20,11 @@ from plsing_ros.geometry import Pose
 from plsing_ros.monitoring.evidence import Evidence
 from plsing_ros.monitoring.law_check import LawCheck
 from plsing_ros.monitoring.map_residuals import MapResiduals
-from plsing_ros.monitoring.rollout import Harm, Outcomes, RolloutLaw, RunState
 from plsing_ros.monitoring.rollout_setup import FIRST_STEPS, FRAME_PERIOD, MAX_STEPS, poses_around, rollout_task
 from plsing_ros.monitoring.run_clock import RunClock
 from plsing_ros.monitoring.shaking import expected_shaking
 from plsing_ros.parameters import MonitorParameters
+from plsing_ros.planning.rollout import Harm, Outcomes, RolloutLaw, RunState
 from plsing_ros.singularities import SingularSet
 
 _SECOND = 1_000_000_000

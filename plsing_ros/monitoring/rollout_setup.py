@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from plsing_ros.arrays import Array
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.monitoring.rollout import LoopModel, RolloutLaw, RolloutTask, guard_loci
 from plsing_ros.parameters import MonitorParameters
+from plsing_ros.planning.rollout import LoopModel, RolloutLaw, RolloutTask, guard_loci
 from plsing_ros.singularities import SingularSet
 
 # Steps of one answer, all samples together; with more, the roll-out has longer steps.

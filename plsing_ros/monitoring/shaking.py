@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from plsing_ros.monitoring.rollout import RolloutTask, RunState
+from plsing_ros.planning.rollout import RolloutTask, RunState
 
 # The law settles in so many of its time constants; a roll-out at the target lasts no longer than that, or this [s].
 _TIME_CONSTANTS, _LONGEST = 4.0, 30.0

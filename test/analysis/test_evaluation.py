@@ -22,10 +22,10 @@ from plsing_ros.analysis.parallel import Workers
 from plsing_ros.analysis.rates import Rate
 from plsing_ros.cli.evaluate import main
 from plsing_ros.geometry.rotations import rotation_vector
-from plsing_ros.monitoring.rollout import Harm
 from plsing_ros.parameters import ControllerParameters, MonitorParameters, PoseEstimatorParameters
 from plsing_ros.parameters.config_files import config_file
 from plsing_ros.parameters.parameter_file import read_parameters
+from plsing_ros.planning.rollout import Harm
 from plsing_ros.simulation.segment_camera import SegmentCamera
 from plsing_ros.simulation.simulated_robot import SimulatedRobot
 

@@ -10,9 +10,9 @@ from near_transversal_scene import LOOK, SCENE, SECOND, TARGET
 from plsing_ros.features import LineObservation, interaction_matrix
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import Level
-from plsing_ros.monitoring.rollout import LoopModel, RolloutLaw, RolloutTask
 from plsing_ros.monitoring.shaking import expected_shaking
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
+from plsing_ros.planning.rollout import LoopModel, RolloutLaw, RolloutTask
 
 STEP = SECOND // 30
 

@@ -21,8 +21,8 @@ from plsing_ros.control.command import Mode
 from plsing_ros.features import LinesVerdict
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Trend
-from plsing_ros.monitoring.rollout import Harm
 from plsing_ros.planning.detour import Decision
+from plsing_ros.planning.rollout import Harm
 from plsing_ros.pose import Verdict
 from plsing_ros.singularities import Kind
 

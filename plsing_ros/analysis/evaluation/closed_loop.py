@@ -17,9 +17,9 @@ from plsing_ros.errors import PlsingError
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.rotations import rotation_vector
 from plsing_ros.levels import Level
-from plsing_ros.monitoring.rollout import Harm, RolloutLaw
 from plsing_ros.monitoring.run_clock import distance_between
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
+from plsing_ros.planning.rollout import Harm, RolloutLaw
 from plsing_ros.pose import Verdict
 from plsing_ros.pose.pose_tracker import PoseTracker
 from plsing_ros.simulation.simulated_robot import SimulatedRobot

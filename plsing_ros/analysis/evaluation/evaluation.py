@@ -20,9 +20,9 @@ from plsing_ros.analysis.evaluation.setup import HARD, YOURS, Setup
 from plsing_ros.analysis.parallel import Workers
 from plsing_ros.analysis.rates import Rate
 from plsing_ros.control.servo_controller import ServoController
-from plsing_ros.monitoring.rollout import Harm
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters.law import LAWS
+from plsing_ros.planning.rollout import Harm
 
 # A law is worth proposing if it comes to harm this much less often.
 _BETTER = 0.1

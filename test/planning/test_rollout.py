@@ -19,8 +19,8 @@ from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import LineObservation, interaction_matrix
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.monitoring.rollout import Harm, LoopModel, RolloutLaw, RolloutTask, RunState, guard_loci
 from plsing_ros.parameters import ControllerParameters
+from plsing_ros.planning.rollout import Harm, LoopModel, RolloutLaw, RolloutTask, RunState, guard_loci
 from plsing_ros.singularities import singular_set
 
 # They all meet one line, which passes 0.9 m from the target.
