@@ -218,8 +218,7 @@ class _Chain:
         pose = tracked.estimate.T_world_camera
         if tracked.completed is None or pose is None:
             return Frame(self._empty, frame.T_world_camera, frame.covariance)
-        seen = replace(tracked.completed, covariances=image.covariances)
-        return Frame(seen, pose, tracked.estimate.covariance)
+        return Frame(tracked.completed, pose, tracked.estimate.covariance)
 
     def moved(self, twist: np.ndarray, stamp: int) -> None:
         """Take note of a twist that was sent."""

@@ -32,13 +32,14 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
     n = len(message.ids)
     if n == 0:
         raise ObservationError("the feature message has no lines")
-    # Recordings made before lines had covariances are read, too.
-    covariances = getattr(message, "covariances", ())
-    if len(covariances) not in (0, 3 * n):
-        raise ObservationError(
-            f"field 'covariances' of the feature message has {len(covariances)} numbers for {n} lines; "
-            f"expected 0 or {3 * n}"
-        )
+    # Recordings made before lines had covariances and ends are read, too.
+    covariances, ends = getattr(message, "covariances", ()), getattr(message, "ends", ())
+    for name, values, width in (("covariances", covariances, 3), ("ends", ends, 4)):
+        if len(values) not in (0, width * n):
+            raise ObservationError(
+                f"field '{name}' of the feature message has {len(values)} numbers for {n} lines; "
+                f"expected 0 or {width * n}"
+            )
     for name, allowed in (
         ("image_lines", (3 * n,)),
         ("directions", (0, 3 * n)),
@@ -69,6 +70,7 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
         verdict,
         "" if given else sender_text(message.lines_reason),
         "" if given else getattr(message, "lines_source", ""),
+        _rows(ends, 4),
     )
 
 
@@ -78,5 +80,5 @@ def sender_text(text: str) -> str:
     return shown if len(text) <= _MAX_CHARACTERS else f"{shown[:-3]}..."
 
 
-def _rows(values: Any) -> Array | None:
-    return np.frombuffer(values).reshape(-1, 3) if len(values) else None
+def _rows(values: Any, width: int = 3) -> Array | None:
+    return np.frombuffer(values).reshape(-1, width) if len(values) else None

@@ -50,6 +50,8 @@ class LineObservation:
         covariances: Of each image line's angle phi and offset l'_z, with (l'_x, l'_y) = (cos phi, sin phi): (phi phi,
             phi offset, offset offset) [rad^2, rad, -], shape (n, 3); rows that are not usable hold anything finite;
             None if not known.
+        ends: Both ends of each line's segment on the image plane z = 1, (X1, Y1, X2, Y2), shape (n, 4): of the part
+            that is seen, or of all of it; a row of zeros where nothing is known; None if nothing is of any line.
         usable_ids: Ids of the usable rows, in order.
         usable_image_lines: Their image lines, shape (k, 3).
         usable_covariances: Their covariances, shape (k, 3), or None.
@@ -67,6 +69,7 @@ class LineObservation:
     verdict_reason: str = ""
     lines_source: str = ""
     covariances: Array | None = None
+    ends: Array | None = None
     usable_ids: tuple[int, ...] = field(init=False, repr=False)
     usable_image_lines: Array = field(init=False, repr=False)
     usable_covariances: Array | None = field(init=False, repr=False)
@@ -95,6 +98,8 @@ class LineObservation:
         object.__setattr__(self, "usable_ids", used)
         object.__setattr__(self, "usable_image_lines", seen)
         object.__setattr__(self, "usable_covariances", self._checked_covariances())
+        if self.ends is not None:
+            object.__setattr__(self, "ends", checked_array("ends", self.ends, (n, 4), ObservationError))
         if self.lines_camera is not None and self.lines_camera.ids != self.usable_ids:
             raise ObservationError(f"3-D lines have ids {self.lines_camera.ids}, expected {self.usable_ids}")
 
@@ -108,7 +113,11 @@ class LineObservation:
 
     @classmethod
     def from_image_lines(
-        cls, ids: Sequence[int], image_lines: npt.ArrayLike, covariances: npt.ArrayLike | None = None
+        cls,
+        ids: Sequence[int],
+        image_lines: npt.ArrayLike,
+        covariances: npt.ArrayLike | None = None,
+        ends: npt.ArrayLike | None = None,
     ) -> LineObservation:
         """Return what a tracker without depth sees: image lines alone, all of them usable.
 
@@ -117,6 +126,7 @@ class LineObservation:
             image_lines: Rows l' with l'_x X + l'_y Y + l'_z = 0 on the image plane z = 1, shape (n, 3): of unit length
                 as normals, or with l'_x^2 + l'_y^2 = 1. The sign is that of the line's direction.
             covariances: Of angle and offset of each line, as for the class, shape (n, 3); None if not known.
+            ends: Of each line's segment, as for the class, shape (n, 4); None if not known.
 
         Raises:
             ObservationError: If a value is not finite, lengths differ, ids repeat, or a row has no direction.
@@ -129,7 +139,8 @@ class LineObservation:
                 f"image line {ids[row]} is {rows[row].tolist()}; with l'_x = l'_y = 0 it is no line in the image"
             )
         known = None if covariances is None else np.asarray(covariances)
-        return cls(tuple(ids), rows / length[:, np.newaxis], covariances=known)
+        segments = None if ends is None else np.asarray(ends)
+        return cls(tuple(ids), rows / length[:, np.newaxis], covariances=known, ends=segments)
 
     def _checked_covariances(self) -> Array | None:
         """Lock the covariances and return those of the usable rows."""
@@ -170,7 +181,10 @@ class LineObservation:
             lines = lines.select(kept) if kept else None
         image, usable = self.image_lines[list(rows)], self.usable[list(rows)]
         covariances = None if self.covariances is None else self.covariances[list(rows)]
-        return replace(self, ids=ids, image_lines=image, usable=usable, lines_camera=lines, covariances=covariances)
+        ends = None if self.ends is None else self.ends[list(rows)]
+        return replace(
+            self, ids=ids, image_lines=image, usable=usable, lines_camera=lines, covariances=covariances, ends=ends
+        )
 
     @classmethod
     def from_rows(
@@ -185,6 +199,7 @@ class LineObservation:
         verdict: LinesVerdict = LinesVerdict.GIVEN,
         verdict_reason: str = "",
         lines_source: str = "",
+        ends: Array | None = None,
     ) -> LineObservation:
         """Build an observation from rows as a message has them, 3-D rows of unusable lines included.
 
@@ -199,11 +214,12 @@ class LineObservation:
             verdict: As for the class.
             verdict_reason: Likewise.
             lines_source: Likewise.
+            ends: Likewise.
 
         Raises:
             ObservationError: As for the class, and if a 3-D line is not one.
         """
-        said = (verdict, verdict_reason, lines_source, covariances)
+        said = (verdict, verdict_reason, lines_source, covariances, ends)
         count = np.count_nonzero(visible)
         if directions is None or moments is None or count == 0:
             return cls(ids, image_lines, visible, None, *said)

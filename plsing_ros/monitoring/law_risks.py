@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 
+from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
 from plsing_ros.monitoring.risk import Risk
 from plsing_ros.monitoring.rollout_setup import FRAME_PERIOD, MAX_STEPS, rollout_task
@@ -19,8 +20,17 @@ LAWS = ("pinv", "dls", "adaptive_dls", "guarded", "detour", "position")
 _SHAKES = 0.01
 
 
-def risks_of_laws(pose: Pose, singular: SingularSet, target: Pose, parameters: MonitorParameters) -> dict[str, Risk]:
+def risks_of_laws(
+    pose: Pose, singular: SingularSet, target: Pose, parameters: MonitorParameters, ends: Array | None = None
+) -> dict[str, Risk]:
     """Return what each law would do from a pose to the target, with the gain and the options of the parameters.
+
+    Args:
+        pose: T_world_camera at the start.
+        singular: The scene.
+        target: T_world_camera.
+        parameters: In force.
+        ends: Of the segments as far as they were seen, shape (n, 2, 3) [m]; those of the parameters go before.
 
     Raises:
         GeometryError: If the numbers do not make a task.
@@ -29,7 +39,7 @@ def risks_of_laws(pose: Pose, singular: SingularSet, target: Pose, parameters: M
     distance = distance_between(pose, target, parameters.degrees_of_freedom)[0]
     for name in LAWS:
         law = RolloutLaw.of_parameters(dataclasses.replace(parameters, law=name))
-        task = rollout_task(singular, target, law, parameters, FRAME_PERIOD)
+        task = rollout_task(singular, target, law, parameters, FRAME_PERIOD, ends=ends)
         starts = [pose] * parameters.samples
         outcomes = task.roll_out(starts, RunState(law.deadline, distance), 0)
         shaking = expected_shaking(task, parameters.samples, 0, MAX_STEPS)

@@ -22,6 +22,7 @@ from plsing_ros.monitoring.law_check import LawCheck
 from plsing_ros.monitoring.map_residuals import MapResiduals
 from plsing_ros.monitoring.rollout_setup import FIRST_STEPS, FRAME_PERIOD, MAX_STEPS, poses_around, rollout_task
 from plsing_ros.monitoring.run_clock import RunClock
+from plsing_ros.monitoring.segment_ends import SegmentEnds
 from plsing_ros.monitoring.shaking import expected_shaking
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.planning.rollout import Harm, Outcomes, RolloutLaw, RunState
@@ -122,6 +123,7 @@ class RiskPredictor:
         self._evidence = Evidence()
         self._law_check = LawCheck()
         self._residuals: MapResiduals | None = None
+        self._segments: SegmentEnds | None = None
         self._shaking: tuple[object, float] | None = None
 
     @property
@@ -134,6 +136,11 @@ class RiskPredictor:
         """The law whose twists those that are commanded are not, or "" as long as they are."""
         latest = self._latest
         return latest.law.law if latest is not None and latest.is_other else ""
+
+    @property
+    def seen_ends(self) -> Array | None:
+        """Where the segments end by what was seen of them, in the scene frame, shape (n, 2, 3) [m], if anything was."""
+        return None if self._segments is None else self._segments.ends()
 
     def receive_twist(self, twist: Array, stamp: int, min_speed: float) -> None:
         """Take the commanded twist (6,) for the features of a stamp [ns]; below min_speed [m/s] the camera rests."""
@@ -193,6 +200,9 @@ class RiskPredictor:
             if self._run != self._clock.run:
                 self._run, self._evidence = self._clock.run, Evidence()
             self._asked = stamp
+            if observation.ends is not None:
+                self._segments = self._segments or SegmentEnds(singular.lines)
+                self._segments.add(pose, observation)
             self._submit(
                 self._question(stamp, pose, covariance, observation, singular, T_world_target, elapsed, parameters)
             )
@@ -222,7 +232,7 @@ class RiskPredictor:
         )
         is_first = self._latest is None
         steps = FIRST_STEPS if is_first else MAX_STEPS
-        task = rollout_task(singular, target, law, parameters, self._frame_period(), observation, steps)
+        task = rollout_task(singular, target, law, parameters, self._frame_period(), observation, steps, self.seen_ends)
         residuals = None if self._residuals is None else self._residuals.rows()
         # A path that leads elsewhere is that of another target.
         leads_there = bool(self._path) and self._path[-1].is_close(target, _SAME_TARGET)

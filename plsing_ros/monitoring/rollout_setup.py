@@ -31,10 +31,12 @@ def rollout_task(
     period: float,
     seen: LineObservation | None = None,
     max_steps: int = MAX_STEPS,
+    ends: Array | None = None,
 ) -> RolloutTask:
     """Return the loop of a monitor's parameters with frames of a period [s].
 
-    Where the parameters tell no image noise, the covariances of the lines that are seen stand for it.
+    Where the parameters tell no image noise, the covariances of the lines that are seen stand for it. Where they tell
+    no ends of the lines, those that were seen do, shape (n, 2, 3) [m].
     """
     lines: LineSet = singular.lines
     horizon = law.horizon
@@ -66,7 +68,8 @@ def rollout_task(
         # What an estimator is off by changes slowly; other poses are taken as good on the whole.
         pose_error_lasts=seen is not None and bool(seen.lines_source),
     )
-    ends = np.reshape(parameters.line_ends, (-1, 2, 3)) if parameters.line_ends else None
+    if parameters.line_ends:
+        ends = np.reshape(parameters.line_ends, (-1, 2, 3))
     covariances = None if parameters.image_noise > 0.0 else scene_covariances(lines, seen)
     return RolloutTask(lines, target, law, loop, ends, guard_loci(singular), covariances)
 

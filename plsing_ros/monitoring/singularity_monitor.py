@@ -469,7 +469,8 @@ class SingularityMonitor:
         reason += self._absolute_text(near_by)
         risks: dict[str, Risk] = {}
         if self._T_world_target is not None and self._parameters.controller == "law":
-            risks = risks_of_laws(T_world_camera, self._singular_set, self._T_world_target, self._parameters)
+            singular, ends = self._singular_set, self._risk.seen_ends
+            risks = risks_of_laws(T_world_camera, singular, self._T_world_target, self._parameters, ends)
             reason = f"{reason}; rolled out to the target, {laws_text(risks)}"
         lost = (
             ""

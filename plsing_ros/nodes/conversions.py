@@ -92,6 +92,7 @@ def fill_features(message: LineFeatureArray, observation: LineObservation) -> No
     message.ids = array.array("i", observation.ids)
     message.image_lines = flat(observation.image_lines)
     message.covariances = flat(np.zeros(0) if observation.covariances is None else observation.covariances)
+    message.ends = flat(np.zeros(0) if observation.ends is None else observation.ends)
     message.directions = flat(directions)
     message.moments = flat(moments)
     message.visible = array.array("B", observation.usable.tobytes())

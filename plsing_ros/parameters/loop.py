@@ -113,7 +113,7 @@ class LoopParameters(LawParameters, ToleranceParameters):
         (),
         "lines.ends",
         "Both ends of each segment in the scene frame (x1, y1, z1, x2, y2, z2 of line 1, then line 2, ...); empty: "
-        "lines are seen wherever they pass",
+        "as the features' ends say, or wherever lines pass",
         unit="m",
     )
 

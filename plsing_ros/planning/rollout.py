@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from plsing_ros.parameters.law import LawParameters
 
 # A line whose ends are not known is taken as this long on either side of its point [m].
-_HALF_LENGTH = 50.0
+HALF_LENGTH = 50.0
 # Deadline of a task: so many time constants of the law, and so much for the robot [s]; the least on a path [s].
 _TIME_CONSTANTS, _ALLOWANCE, _PATH_DEADLINE = 10.0, 4.0, 60.0
 _MAX_HORIZON = 60.0  # [s]
@@ -313,6 +313,6 @@ class RolloutTask:
     def _scene(self) -> tuple[Array, Array, Array]:
         lines, ends = self.lines, self.ends
         if ends is None:
-            reach = _HALF_LENGTH * lines.direction
+            reach = HALF_LENGTH * lines.direction
             ends = np.stack([lines.point - reach, lines.point + reach], axis=1)
         return lines.direction, lines.moment, np.reshape(ends, (-1, 3))

@@ -28,7 +28,8 @@ def lift_lines_at(lines_world: LineSet, T_world_camera: Pose, observation: LineO
         seen = seen.select(kept) if len(kept) else None
     known = () if seen is None else seen.ids
     usable = np.array([use and i in known for i, use in zip(observation.ids, observation.usable, strict=True)], bool)
-    return LineObservation(observation.ids, observation.image_lines, usable, seen)
+    covariances, ends = observation.covariances, observation.ends
+    return LineObservation(observation.ids, observation.image_lines, usable, seen, covariances=covariances, ends=ends)
 
 
 def lift_lines(lines_world: LineSet, estimate: PoseEstimate, observation: LineObservation) -> LineObservation:
@@ -53,9 +54,15 @@ def lift_lines(lines_world: LineSet, estimate: PoseEstimate, observation: LineOb
     row_of = {i: row for row, i in enumerate(lines_world.ids)}
     rows = [row_of[i] for i in observation.ids if i in estimate.used_ids]
     T_camera_world = estimate.T_world_camera.inverse()
+    covariances = observation.covariances
+    if covariances is not None:
+        # A line that is turned round has the other offset, and an angle with the same error.
+        covariances = covariances * np.stack([np.ones(len(sign)), sign, np.ones(len(sign))], axis=1)
     return LineObservation(
         observation.ids,
         observation.image_lines * sign[:, np.newaxis],
         usable,
         lines_world.select(rows).transformed(T_camera_world, "camera") if rows else None,
+        covariances=covariances,
+        ends=observation.ends,
     )

@@ -404,7 +404,17 @@ class LineTracker:
         image_lines[rows] = np.column_stack([np.cos(lines[:, 0]), np.sin(lines[:, 0]), lines[:, 1]])
         covariances[rows] = share * lines[:, 2:5]
         usable[rows] = True
-        return LineObservation(self.model.ids, image_lines, usable, covariances=covariances)
+        ends = self._ends(fit.T_camera_model, usable)
+        return LineObservation(self.model.ids, image_lines, usable, covariances=covariances, ends=ends)
+
+    def _ends(self, T_camera_model: Pose, usable: npt.NDArray[np.bool_]) -> Array:
+        """Return where usable edges end on z = 1, shape (n, 4); zeros where one is not before the camera."""
+        corners = self.model.vertices @ T_camera_model.rotation.T + T_camera_model.translation
+        before = corners[:, 2] > 0.0
+        image = corners[:, :2] / np.where(before, corners[:, 2], 1.0)[:, np.newaxis]
+        known = usable & before[self.model.edges].all(axis=1)
+        ends: Array = image[self.model.edges].reshape(-1, 4) * known[:, np.newaxis]
+        return ends
 
     def _lost(self, reason: str) -> Tracking:
         self._losses += 1

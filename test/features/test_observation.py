@@ -36,6 +36,15 @@ def test_a_covariance_that_is_none_is_refused_where_the_line_is_used(covariance)
     np.testing.assert_array_equal(seen.usable_covariances, covariances[:1])
 
 
+def test_ends_go_with_their_rows_and_are_refused_where_they_are_no_numbers():
+    rows, ends = np.array([[0.0, 1.0, 0.0]] * 2), np.array([[0.0, 0.0, 1.0, 0.0], [0.5, 0.0, 0.7, 0.0]])
+    seen = LineObservation.from_image_lines((3, 7), rows, ends=ends)
+    np.testing.assert_array_equal(seen.select([1]).ends, ends[1:])
+    for wrong in (ends[:, :3], np.full((2, 4), np.nan)):
+        with pytest.raises(ObservationError, match="ends"):
+            LineObservation((3, 7), rows, ends=wrong)
+
+
 class CountedId(int):
     """An id that counts how often ids are compared."""
 

@@ -41,6 +41,12 @@ def parameters_with(**changes):
     return MonitorParameters.from_values(BASE | {name.replace("__", "."): value for name, value in changes.items()})
 
 
+def image_of(ends, pose):
+    """The ends (n, 2, 3) of segments as a tracker reports them, (n, 4)."""
+    corners = (ends - pose.translation) @ pose.rotation
+    return (corners[..., :2] / corners[..., 2:]).reshape(-1, 4)
+
+
 class Watched:
     """A monitor, and a camera that it watches."""
 
@@ -48,13 +54,16 @@ class Watched:
         self.monitor = SingularityMonitor.from_parameters(parameters_with(**changes))
         self.now = 10**12
 
-    def see(self, pose, ids=None):
+    def see(self, pose, ids=None, ends=None):
         self.now += STEP
         lines = SCENE.transformed(pose.inverse(), "camera")
         if ids is not None:
             lines = lines.select([SCENE.ids.index(i) for i in ids])
         self.monitor.receive_pose(pose, self.now)
-        return self.monitor.answer(LineObservation.of_lines(lines), self.now, self.now)
+        seen = LineObservation.of_lines(lines)
+        if ends is not None:
+            seen = dataclasses.replace(seen, ends=image_of(ends, pose))
+        return self.monitor.answer(seen, self.now, self.now)
 
 
 def test_the_papers_start_2_is_announced_at_the_first_features_and_start_1_is_not():
@@ -76,6 +85,20 @@ def test_harm_is_told_with_its_kind_and_time_which_runs_down():
     assert found.risk.harm is Harm.LATE
     # 10 / 0.1 + 4 s.
     assert found.risk.time_to_harm == pytest.approx(104.0, abs=0.1)
+
+
+def test_ends_that_a_tracker_sees_count_where_the_scene_tells_none():
+    # Short segments, in the middle of what is seen at first and outside of what is seen from the target.
+    options = {"camera__half_view": [0.15, 0.15], "prediction__period": 60.0, "law": "position"}
+    start = Pose(LOOK, TARGET.translation + [2.0, -2.0, 0.0])
+    axis = start.translation + (-start.translation[2] / start.rotation[2, 2]) * start.rotation[:, 2]
+    middle = SCENE.point + np.sum((axis - SCENE.point) * SCENE.direction, axis=1)[:, None] * SCENE.direction
+    ends = np.stack([middle - 0.1 * SCENE.direction, middle + 0.1 * SCENE.direction], axis=1)
+    seen = Watched(**options).see(start, ends=ends).risk
+    told = Watched(lines__ends=ends.ravel(), **options).see(start).risk
+    assert seen.harm is told.harm is Harm.FEW_LINES
+    assert seen.time_to_harm == pytest.approx(told.time_to_harm)
+    assert Watched(**options).see(start).risk.probability < 0.05
 
 
 def test_a_soft_start_is_no_demand():

@@ -244,10 +244,16 @@ def test_completed_lines_are_those_of_the_pose():
     image = seen.image_lines.copy()
     image[1] *= -1.0
     image[4] = [0.6, 0.8, -1.7]
-    shown = observation(lines, image)
+    covariances = np.tile([1e-4, 5e-5, 2e-4], (7, 1))
+    ends = np.arange(28.0).reshape(7, 4)
+    shown = replace(observation(lines, image), covariances=covariances, ends=ends)
     estimate = PoseEstimator(lines).estimate(shown)
     completed = lift_lines(lines, estimate, shown)
     assert completed.usable_ids == (1, 2, 3, 4, 6, 7)
+    # What the tracker said of the lines goes with them; line 2 is turned round, and its offset with it.
+    np.testing.assert_array_equal(completed.ends, ends)
+    np.testing.assert_array_equal(completed.covariances[[0, 2]], covariances[[0, 2]])
+    np.testing.assert_array_equal(completed.covariances[1], covariances[1] * [1, -1, 1])
     np.testing.assert_allclose(completed.usable_image_lines, seen.image_lines[[0, 1, 2, 3, 5, 6]])
     true = lines.select([0, 1, 2, 3, 5, 6]).transformed(pose.inverse(), "camera")
     np.testing.assert_allclose(completed.lines_camera.direction, true.direction, atol=1e-6)

@@ -105,6 +105,10 @@ def test_images_become_line_features_and_a_pose(loop):
     status, features = loop.answer(loop.picture())
     assert (status.name, status.message) == ("TRACKING", "") and sum(features.visible) >= 6
     assert len(features.covariances) == 3 * len(features.ids) and min(np.array(features.covariances)[::3]) >= 0.0
+    seen, image = np.array(features.visible, dtype=bool), np.reshape(features.image_lines, (-1, 3))
+    for end in np.reshape(features.ends, (-1, 2, 2)).swapaxes(0, 1):
+        off = np.sum(image[:, :2] * end, axis=1) + image[:, 2]
+        assert np.abs(off[seen]).max() < 3e-3 and not end[~seen].any()
     loop.ros.spin_until(lambda: loop.poses, "the pose")
     p = loop.poses[-1].pose.pose.position
     assert [p.x, p.y, p.z] == pytest.approx(START.translation, abs=3e-3)
