@@ -38,7 +38,8 @@ test: python
 	@$(RUN) python3 -m pytest $(ARGS)
 
 # The folders of tests that need ROS, a browser, Sphinx, an environment of their own, or the paper's runs.
-QUICK := $(foreach folder,ros docs tools paper_checks cli figures,--ignore=test/$(folder)) -m "not slow"
+QUICK := $(foreach folder,ros docs tools paper_checks cli figures,--ignore=test/$(folder)) -m "not slow" \
+	--hypothesis-profile=quick
 
 test-quick: python
 	@$(RUN) python3 -m pytest $(QUICK) $(ARGS)

@@ -125,6 +125,7 @@ def test_hard_starts_lead_across_the_locus():
         assert min(setup.singular.nearest_locus(center).distance for center in path) < 0.1
 
 
+@pytest.mark.slow
 def test_the_papers_task_is_not_safe_with_the_plain_law_and_is_with_another(tmp_path, capsys):
     """The paper's own Start 2: the plain law blows up; the way round the transversal does not."""
     arguments = [PAPER, "--runs", "4", "--maps", "2", "--laws", "detour", "--processes", "1"]
@@ -152,6 +153,7 @@ def small():
     return evaluate(setup_of(SMALL), 2, 2, laws=("position",), max_harm=0.7)
 
 
+@pytest.mark.slow
 def test_the_small_object_is_safe_as_far_as_the_runs_tell(small):
     assert small.safety is Safety.SAFE, small
     assert [small.harm(law) for law in small.laws] == [Rate(0, 2)] * 2
@@ -160,6 +162,7 @@ def test_the_small_object_is_safe_as_far_as_the_runs_tell(small):
     assert strict.safety is Safety.UNKNOWN and "--runs" in " ".join(strict.advice)
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_answer(small, monkeypatch):
     monkeypatch.setattr(parallel, "_WORTH", 0.0)
     with Workers(processes=2) as workers:
@@ -212,7 +215,9 @@ def test_results_of_another_setup_are_not_taken(tmp_path):
         ([PAPER, "--runs", "0"], "--runs is 0"),
         ([PAPER, "--noise", "nan"], "--noise is nan"),
         ([PAPER, "--target", "0", "inf", "0"], "--target"),
-        ([PAPER, "--scheduler", "tcp://127.0.0.1:9", "--runs", "1"], "tcp://127.0.0.1:9"),
+        pytest.param(
+            [PAPER, "--scheduler", "tcp://127.0.0.1:9", "--runs", "1"], "tcp://127.0.0.1:9", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_bad_input_of_an_evaluation_is_one_sentence(arguments, words, capsys):

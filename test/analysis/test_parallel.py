@@ -39,6 +39,7 @@ def count_or_die(task):
     return survey_chunk(*task)
 
 
+@pytest.mark.slow
 def test_processes_of_this_machine_give_the_same_to_the_last_digit_though_one_is_killed(
     expected, tmp_path, monkeypatch
 ):
@@ -62,6 +63,7 @@ def kill_a_worker(cluster):
     os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_a_killed_worker_changes_nothing(expected, cluster):
     results = run_tasks(count, TASKS, scheduler=cluster.scheduler_address)
     found = [next(results)]
@@ -78,6 +80,7 @@ def choose(**options):
     return {name: getattr(chosen, name) for name in chosen.__dataclass_fields__}
 
 
+@pytest.mark.slow
 def test_lines_are_chosen_alike_by_one_process_by_two_and_by_a_cluster_that_loses_a_worker(
     cluster, tmp_path, monkeypatch
 ):
@@ -125,6 +128,7 @@ def evaluate_file(*options):
     return out.getvalue()
 
 
+@pytest.mark.slow
 def test_an_evaluation_on_a_cluster_that_loses_a_worker_is_that_of_one_process(tmp_path, monkeypatch):
     """With a cluster of its own, so that both workers are alive when it begins."""
     from distributed import LocalCluster
@@ -160,6 +164,7 @@ def test_no_process_at_all_is_refused():
         Workers(processes=0)
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_not_there_gets_a_sentence():
     with pytest.raises(SchedulerError, match="tcp://127.0.0.1:9"):
         list(run_tasks(count, TASKS, scheduler="tcp://127.0.0.1:9"))

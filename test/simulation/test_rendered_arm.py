@@ -127,6 +127,7 @@ def test_light_and_noise_change_while_it_runs():
     assert np.std(simulation.image.astype(int) - bright) == pytest.approx(5.0, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "from_pose", "renderer"), [("position", True, "auto"), ("pinv", False, "polygons")])
 def test_the_loop_closed_on_images_arrives(law, from_pose, renderer):
     controller = ControllerParameters.from_values({**read_parameters(SCENE, "controller"), "law": law, "gain": 2.0})
