@@ -125,8 +125,8 @@ def svd(matrix: Array) -> tuple[Array, Array, Array] | None:
     finite. k is 1 to 6; with m < k the missing values are zero, and their left vectors of no use.
     """
 
-def interaction_svd(direction: Array, moment: Array, min_depth: float) -> tuple[Array, Array, Array] | None:
-    """Return svd(interaction_matrix(...)); None where one of them is None."""
+def interaction_conditioning(direction: Array, moment: Array, min_depth: float) -> tuple[Array, Array] | None:
+    """Return singular values and right singular vectors of interaction_matrix(...); None where it or svd is None."""
 
 def solve(
     matrix: Array, right_side: Array, factor: float, threshold: float

@@ -48,7 +48,7 @@ py::object svd(const View<Dynamic, Dynamic> &matrix)
                           array_of(decomposed.right().transpose()));
 }
 
-py::object interaction_svd(const Vectors &direction, const Vectors &moment, double min_depth)
+py::object interaction_conditioning(const Vectors &direction, const Vectors &moment, double min_depth)
 {
     require(direction.rows() == moment.rows(), "there must be a moment for each direction");
     Tall rows;
@@ -57,8 +57,7 @@ py::object interaction_svd(const Vectors &direction, const Vectors &moment, doub
     const Svd decomposed(rows);
     if (!decomposed.is_finite())
         return py::none();
-    return py::make_tuple(array_of(expanded(moment, decomposed.left())), array_of(decomposed.values()),
-                          array_of(decomposed.right().transpose()));
+    return py::make_tuple(array_of(decomposed.values()), array_of(decomposed.right().transpose()));
 }
 
 py::object solve(const View<Dynamic, Dynamic> &matrix, const Values &right_side, double factor, double threshold)
@@ -114,7 +113,7 @@ void bind_features(py::module_ &module)
     module.def("subtract", &subtract);
     module.def("interaction_matrix", &interaction_matrix);
     module.def("svd", &svd);
-    module.def("interaction_svd", &interaction_svd);
+    module.def("interaction_conditioning", &interaction_conditioning);
     module.def("solve", &solve);
     module.def("compute_twist", &compute_twist);
     module.def("mean_interaction", &mean_interaction);

@@ -40,22 +40,13 @@ Svd::Svd(const Eigen::Ref<const Tall> &matrix)
     finite_ = std::isfinite(values_(0));
 }
 
-Tall Svd::left() const
+Tall Svd::left(Index first, Index count) const
 {
     const Index k = triangular_.cols();
-    Tall left = Tall::Zero(triangular_.rows(), k);
-    left.topRows(k) = left_of_triangle_;
+    Tall left = Tall::Zero(triangular_.rows(), count);
+    left.topRows(k) = left_of_triangle_.middleCols(first, count);
     left.applyOnTheLeft(triangular_.householderQ().setLength(k));
     return left.topRows(rows_);
-}
-
-Unknowns Svd::components(const Eigen::Ref<const Eigen::VectorXd> &vector) const
-{
-    const Index k = triangular_.cols();
-    Eigen::VectorXd reflected = Eigen::VectorXd::Zero(triangular_.rows());
-    reflected.head(rows_) = vector;
-    reflected.applyOnTheLeft(triangular_.householderQ().setLength(k).adjoint());
-    return left_of_triangle_.transpose() * reflected.head(k);
 }
 
 Unknowns Svd::solve(const Unknowns &components, double threshold) const

@@ -27,10 +27,28 @@ public:
     const Unknowns &values() const { return values_; }
     // Right singular vectors as columns, (k, k).
     const Small &right() const { return right_; }
-    // Left singular vectors as columns, (m, k); those of missing values are of no use.
-    Tall left() const;
+    // Left singular vectors as columns, (m, k), or those in columns `first` to `first + count - 1`; those of missing
+    // values are of no use.
+    Tall left() const { return left(0, triangular_.cols()); }
+    Tall left(Eigen::Index first, Eigen::Index count) const;
     // Their products with a vector (m).
-    Unknowns components(const Eigen::Ref<const Eigen::VectorXd> &vector) const;
+    Unknowns components(const Eigen::Ref<const Eigen::VectorXd> &vector) const
+    {
+        return coordinates<1>(vector).head(triangular_.cols());
+    }
+    // Coordinates of the columns of a matrix (m, c) in an orthonormal basis that begins with the left singular vectors.
+    template <int Columns>
+    Eigen::Matrix<double, Eigen::Dynamic, Columns> coordinates(
+        const Eigen::Ref<const Eigen::Matrix<double, Eigen::Dynamic, Columns>> &columns) const
+    {
+        const Eigen::Index k = triangular_.cols();
+        Eigen::Matrix<double, Eigen::Dynamic, Columns> found(triangular_.rows(), Columns);
+        found.topRows(rows_) = columns;
+        found.bottomRows(found.rows() - rows_).setZero();
+        found.applyOnTheLeft(triangular_.householderQ().setLength(k).adjoint());
+        found.topRows(k) = (left_of_triangle_.transpose() * found.topRows(k)).eval();
+        return found;
+    }
     // The shortest x for which |matrix x - b| is least, given the components of b; singular values up to `threshold`
     // times the largest are taken as zero.
     Unknowns solve(const Unknowns &components, double threshold = 0.0) const;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "core.hpp"
 #include "least_squares.hpp"
@@ -37,6 +38,49 @@ Eigen::Matrix2d whitening(const Vector3d &u, const Vector3d &f, const Eigen::Vec
     return factor.matrixL().solve(Eigen::Matrix2d::Identity());
 }
 
+// A line about the centre, with lengths in units of the scene's: `normal` is u x arm, with the arm from centre to pivot.
+struct Line {
+    Vector3d u, arm, normal;
+    double square, shift, turn;  // Of the normal; standard deviations of pivot and direction.
+};
+
+// The row-normalised rank basis, two rows for each line, and what they were divided by.
+struct Basis {
+    Tall rows;
+    Eigen::VectorXd size;
+};
+
+// The variance of a singular value of the basis, whose vectors are `left` and `motion`, by the errors of the lines; in
+// `slope`, if there is one, how each row's product with `motion` changes with the centre.
+double variance_of(const std::vector<Line> &lines, const Basis &basis, const Vector6d &motion,
+                   const Eigen::Ref<const Eigen::VectorXd> &left, Eigen::MatrixX3d *slope)
+{
+    double variance = 0.0;
+    for (std::size_t i = 0; i < lines.size(); i++) {
+        const auto &[u, arm, f, square, shift, turn] = lines[i];
+        if (square == 0.0)
+            continue;
+        // How the singular value changes with the pivot (times u x) and with the direction of this line.
+        Vector3d moved = Vector3d::Zero(), turned = Vector3d::Zero();
+        for (Index row : {2 * i, 2 * i + 1}) {
+            const bool first = row % 2 == 0;
+            const Vector6d unit = basis.rows.row(row);
+            const Vector6d weight = (motion - unit.dot(motion) * unit) / basis.size(row);
+            const Vector3d spin = weight.tail<3>();
+            const Vector3d by_normal = first ? Vector3d(weight.head<3>() + 2.0 * spin.dot(u) * f) : spin.cross(u);
+            const Vector3d by_direction = first ? Vector3d(square * spin) : f.cross(spin);
+            if (slope != nullptr)
+                slope->row(row) = u.cross(by_normal);
+            moved += left(row) * by_normal;
+            turned += left(row) * by_direction;
+        }
+        turned += arm.cross(moved);
+        variance += shift * shift * moved.cross(u).squaredNorm();
+        variance += turn * turn * (turned - turned.dot(u) * u).squaredNorm();
+    }
+    return variance;
+}
+
 py::object proximity(const Vectors &direction, const Vectors &pivot, const Values &position_std,
                      const Values &direction_std, const View<3> &center, double length, double image_std,
                      const Matrix3d &rotation, const Vectors *covariance)
@@ -44,30 +88,27 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
     const Index n = direction.rows(), rows = std::max<Index>(2 * n, 6);
     require(pivot.rows() == n && position_std.size() == n && direction_std.size() == n, "there must be n lines in each");
     require(covariance == nullptr || covariance->rows() == n, "there must be a covariance of each line");
-    Tall basis = Tall::Zero(rows, 6), image = Tall::Zero(rows, 6);
-    Eigen::VectorXd size = Eigen::VectorXd::Ones(rows);
+    std::vector<Line> lines(n);
+    Basis basis{Tall::Zero(rows, 6), Eigen::VectorXd::Ones(rows)};
+    Tall image = Tall::Zero(rows, 6);
     // What a line's errors add to the variance of a singular value is at most this times the squares of the left vector.
     Eigen::VectorXd max_variance = Eigen::VectorXd::Zero(rows);
-    Eigen::Matrix3Xd normal(3, n), arm(3, n);
     for (Index i = 0; i < n; i++) {
-        const Vector3d u = direction.row(i);
-        arm.col(i) = (pivot.row(i).transpose() - center) / length;
-        const Vector3d f = u.cross(arm.col(i)), m = u.cross(f);
-        normal.col(i) = f;
+        const Vector3d u = direction.row(i), r = (pivot.row(i).transpose() - center) / length, f = u.cross(r);
+        const Vector3d m = u.cross(f);
         const double square = f.squaredNorm(), distance = std::sqrt(square);
+        lines[i] = {u, r, f, square, position_std(i) / length, direction_std(i)};
         // The rows of a line that the centre is on are zero.
         if (distance == 0.0)
             continue;
-        size(2 * i) = distance * std::sqrt(1.0 + square);
-        size(2 * i + 1) = distance;
-        const double reach = arm.col(i).norm(), shift = position_std(i) / length;
-        const double first = (1.0 + 2.0 * distance) / size(2 * i), second = 1.0 / distance;
+        const double size = distance * std::sqrt(1.0 + square), reach = r.norm();
+        const double first = (1.0 + 2.0 * distance) / size, second = 1.0 / distance;
+        basis.size.segment<2>(2 * i) << size, distance;
         max_variance.segment<2>(2 * i).setConstant(
-            shift * shift * (first * first + second * second) +
-            direction_std(i) * direction_std(i) *
-                (std::pow(square / size(2 * i) + reach * first, 2) + std::pow(1.0 + reach * second, 2)));
-        basis.row(2 * i) << f.transpose() / size(2 * i), u.transpose() * (square / size(2 * i));
-        basis.row(2 * i + 1).tail<3>() = m / distance;
+            std::pow(lines[i].shift, 2) * (first * first + second * second) +
+            std::pow(lines[i].turn, 2) * (std::pow(square / size + reach * first, 2) + std::pow(1.0 + reach * second, 2)));
+        basis.rows.row(2 * i) << f.transpose() / size, u.transpose() * (square / size);
+        basis.rows.row(2 * i + 1).tail<3>() = m / distance;
         image.row(2 * i) << f.transpose() / square, u.transpose();
         image.row(2 * i + 1).tail<3>() = m / distance;
         if (covariance != nullptr) {
@@ -76,53 +117,33 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
             image.middleRows<2>(2 * i) = (white * image.middleRows<2>(2 * i)).eval();
         }
     }
-    const Svd decomposed(basis), seen(image);
+    const Svd decomposed(basis.rows), seen(image);
     if (!decomposed.is_finite() || !seen.is_finite())
         return py::none();
-    const Tall left = decomposed.left();
     const double smallest = decomposed.values()(5), largest = decomposed.values()(0);
     const double infinite = std::numeric_limits<double>::infinity();
     Eigen::MatrixX3d slope = Eigen::MatrixX3d::Zero(rows, 3);
+    const double variance_of_smallest =
+        variance_of(lines, basis, decomposed.right().col(5), decomposed.left(5, 1), &slope);
+    double z = smallest <= rounding * largest ? 0.0 : infinite;
+    if (variance_of_smallest > 0.0)
+        z = std::min(z, smallest / std::sqrt(variance_of_smallest));
     // Not the smallest one alone: far away several are small, and another may be the nearest to zero in tolerances.
-    double z = smallest <= rounding * largest ? 0.0 : infinite, variance_of_smallest = 0.0;
-    for (int k = 5; k >= 0; k--) {
-        const double value = decomposed.values()(k);
-        if (k < 5 && !(value * value < z * z * max_variance.dot(left.col(k).cwiseAbs2())))
-            continue;
-        double variance = 0.0;
-        const Vector6d motion = decomposed.right().col(k);
-        for (Index i = 0; i < n; i++) {
-            const Vector3d u = direction.row(i), f = normal.col(i), r = arm.col(i);
-            const double square = f.squaredNorm();
-            if (square == 0.0)
+    if (std::pow(decomposed.values()(4), 2) < z * z * max_variance.maxCoeff()) {
+        const Tall left = decomposed.left(0, 5);
+        for (int k = 4; k >= 0; k--) {
+            const double square = std::pow(decomposed.values()(k), 2);
+            if (!(square < z * z * max_variance.dot(left.col(k).cwiseAbs2())))
                 continue;
-            // How this singular value changes with the pivot (times u x) and with the direction of this line.
-            Vector3d moved = Vector3d::Zero(), turned = Vector3d::Zero();
-            for (Index row = 2 * i; row < 2 * i + 2; row++) {
-                const Vector6d unit = basis.row(row);
-                const Vector6d weight = (motion - unit.dot(motion) * unit) / size(row);
-                const Vector3d spin = weight.tail<3>();
-                const bool first = row == 2 * i;
-                const Vector3d by_normal = first ? Vector3d(weight.head<3>() + 2.0 * spin.dot(u) * f) : spin.cross(u);
-                const Vector3d by_direction = first ? Vector3d(square * spin) : f.cross(spin);
-                if (k == 5)
-                    slope.row(row) = u.cross(by_normal);
-                moved += left(row, k) * by_normal;
-                turned += left(row, k) * (by_direction + r.cross(by_normal));
-            }
-            const double shift = position_std(i) / length;
-            variance += shift * shift * moved.cross(u).squaredNorm();
-            variance += direction_std(i) * direction_std(i) * (turned - turned.dot(u) * u).squaredNorm();
+            const double variance = variance_of(lines, basis, decomposed.right().col(k), left.col(k), nullptr);
+            if (variance > 0.0)
+                z = std::min(z, std::sqrt(square / variance));
         }
-        if (variance > 0.0)
-            z = std::min(z, value / std::sqrt(variance));
-        if (k == 5)
-            variance_of_smallest = variance;
     }
     // A change of the rows that the five better observed motions can follow is none of the rank.
-    slope -= left.leftCols<5>() * (left.leftCols<5>().transpose() * slope).eval();
-    const Vector3d pull = slope.transpose() * left.col(5);
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> across(slope.transpose() * slope);
+    const Eigen::MatrixX3d change = decomposed.coordinates<3>(slope).bottomRows(rows - 5);
+    const Vector3d pull = change.row(0);
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> across(change.transpose() * change);
     const double least = std::max(steep * steep * smallest * smallest, sure * sure * variance_of_smallest);
     Vector3d step = Vector3d::Zero();
     for (int axis = 0; axis < 3; axis++) {
@@ -132,9 +153,9 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
     }
     const Vector6d weakest = seen.right().col(5);
     const double deviation = seen.has_full_rank() ? (covariance == nullptr ? image_std : 1.0) / seen.values()(5) : infinite;
-    const double moved = length * weakest.head<3>().norm(), turned = weakest.tail<3>().norm();
     Vector6d motion_in_metres;
     motion_in_metres << length * weakest.head<3>(), weakest.tail<3>();
+    const double moved = motion_in_metres.head<3>().norm(), turned = weakest.tail<3>().norm();
     const Vector3d closest = center + length * step;
     return py::make_tuple(z, length * step.norm(), array_of(closest), largest > 0.0 ? smallest / largest : 0.0,
                           moved > 0.0 ? deviation * moved : 0.0, turned > 0.0 ? deviation * turned : 0.0,

@@ -8,7 +8,7 @@ import numpy as np
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command, Mode
 from plsing_ros.errors import PlsingError
-from plsing_ros.features import decompose_interaction
+from plsing_ros.features import interaction_conditioning
 from plsing_ros.geometry import LineSet, Pose
 
 # The fastest that a camera may leave with: |v| [m/s], and |omega| that moves a point 1 m away as fast [rad/s].
@@ -73,7 +73,7 @@ def _moved(lines: LineSet, twist: Array) -> LineSet:
 
 def _condition(lines: LineSet) -> float:
     try:
-        return decompose_interaction(lines).inverse_condition_number
+        return interaction_conditioning(lines).inverse_condition_number
     except PlsingError:
         # A line without an image: nowhere to go to.
         return 0.0

@@ -24,8 +24,8 @@ from plsing_ros.control.tool import tool_twist
 from plsing_ros.control.twist_covariance import image_twist_covariance
 from plsing_ros.errors import ObservationError
 from plsing_ros.features import (
-    decompose_interaction,
     feature_error,
+    interaction_conditioning,
     interaction_matrix,
     project_lines,
     smallest_over_largest,
@@ -195,7 +195,7 @@ class ServoCycle:
         twist = parameters.selected(-gain * displacement.twist)
         used = np.array(parameters.degrees_of_freedom, dtype=float)
         self._spread = lambda: displacement.covariance() * np.outer(used, used)
-        values = decompose_interaction(lines).singular_values
+        values = interaction_conditioning(lines).singular_values
         asked = LawTwist(twist, gain, values, 0.0, 1.0, math.hypot(*twist.tolist()))
         return self._within_limits(lines, asked, error_norm, None, trust, stamp)
 

@@ -3,7 +3,7 @@
 
 from plsing_ros.features.conditioning import Conditioning, conditioning, inverse_condition_number
 from plsing_ros.features.decomposition import Decomposition, decompose, smallest_over_largest
-from plsing_ros.features.interaction import decompose_interaction, interaction_matrix
+from plsing_ros.features.interaction import interaction_conditioning, interaction_matrix
 from plsing_ros.features.least_squares import LeastSquaresSolution, feature_error, solve_least_squares
 from plsing_ros.features.observation import LineObservation, LinesVerdict, checked_observation, project
 from plsing_ros.features.projection import degenerate_projections, image_depth, project_lines
@@ -18,10 +18,10 @@ __all__ = [
     "checked_observation",
     "conditioning",
     "decompose",
-    "decompose_interaction",
     "degenerate_projections",
     "feature_error",
     "image_depth",
+    "interaction_conditioning",
     "interaction_matrix",
     "inverse_condition_number",
     "project",

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError
-from plsing_ros.features.decomposition import Decomposition, decompose
+from plsing_ros.features.decomposition import decompose, smallest_over_largest
 
 
 class Conditioning(NamedTuple):
@@ -23,14 +23,14 @@ class Conditioning(NamedTuple):
         scaled_inverse_condition_number: The same with the translation columns multiplied by characteristic_length,
             which makes it free of units, in [0, 1].
         characteristic_length: [m].
-        last_right_vector: Right singular vector of the smallest singular value, shape (6,), of either sign.
+        right: Right singular vectors as rows, each of either sign, shape (6, 6).
     """
 
     singular_values: Array
     inverse_condition_number: float
     scaled_inverse_condition_number: float
     characteristic_length: float
-    last_right_vector: Array
+    right: Array
 
     @property
     def least_observable_direction(self) -> Array:
@@ -39,7 +39,7 @@ class Conditioning(NamedTuple):
         It is in the optical frame, and its sign makes its largest entry positive; at a singularity it is the
         unobservable motion.
         """
-        vector = self.last_right_vector
+        vector: Array = self.right[len(self.singular_values) - 1]
         return vector if max(vector.tolist(), key=abs) > 0.0 else -vector
 
     @property
@@ -48,12 +48,12 @@ class Conditioning(NamedTuple):
         return float(self.singular_values[-1])
 
 
-def conditioning(matrix: npt.ArrayLike | Decomposition, characteristic_length: float = 1.0) -> Conditioning:
+def conditioning(matrix: npt.ArrayLike, characteristic_length: float = 1.0) -> Conditioning:
     """Return the conditioning of an interaction matrix.
 
     Args:
-        matrix: Interaction matrix, shape (m, 6), any m, or its factorisation; with m < 6 the rank is deficient and the
-            inverse condition number is 0.
+        matrix: Interaction matrix, shape (m, 6), any m; with m < 6 the rank is deficient and the inverse condition
+            number is 0.
         characteristic_length: Length that makes translation and rotation columns comparable [m], > 0.
 
     Raises:
@@ -61,15 +61,20 @@ def conditioning(matrix: npt.ArrayLike | Decomposition, characteristic_length: f
 
     Source: docs/conventions.md section "The condition number".
     """
+    _, values, right = decompose(checked_array("matrix", matrix, (None, 6)))
+    return conditioning_of(values, right, characteristic_length)
+
+
+def conditioning_of(singular_values: Array, right: Array, characteristic_length: float) -> Conditioning:
+    """Return the conditioning of a matrix with these singular values (6,) and right singular vectors, rows (6, 6)."""
     if not 0.0 < characteristic_length < math.inf:
         raise GeometryError(f"characteristic_length is {characteristic_length} m; it must be positive and finite")
-    raw = matrix if isinstance(matrix, Decomposition) else decompose(checked_array("matrix", matrix, (None, 6)))
-    inverse = scaled_inverse = raw.inverse_condition_number
+    inverse = scaled_inverse = smallest_over_largest(singular_values.tolist())
     if characteristic_length != 1.0:
         # The left singular vectors do not change the singular values of the product.
         scale = np.array([characteristic_length] * 3 + [1.0] * 3)
-        scaled_inverse = decompose(raw.singular_values[:, np.newaxis] * raw.right * scale).inverse_condition_number
-    return Conditioning(raw.singular_values, inverse, scaled_inverse, float(characteristic_length), raw.right[5])
+        scaled_inverse = decompose(singular_values[:, np.newaxis] * right * scale).inverse_condition_number
+    return Conditioning(singular_values, inverse, scaled_inverse, float(characteristic_length), right)
 
 
 def inverse_condition_number(matrix: npt.ArrayLike) -> float:

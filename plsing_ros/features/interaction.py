@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from plsing_ros import _core
 from plsing_ros.arrays import Array
-from plsing_ros.features.decomposition import Decomposition, decompose, not_finite
+from plsing_ros.features.conditioning import Conditioning, conditioning, conditioning_of
+from plsing_ros.features.decomposition import not_finite
 from plsing_ros.features.projection import DEGENERATE_DEPTH, refuse_degenerate
 from plsing_ros.geometry import LineSet
 
@@ -33,8 +34,10 @@ def interaction_matrix(lines_camera: LineSet) -> Array:
     return matrix
 
 
-def decompose_interaction(lines_camera: LineSet) -> Decomposition:
-    """Return decompose(interaction_matrix(lines_camera)) in one call, with the same errors."""
-    parts = _core.interaction_svd(lines_camera.direction, lines_camera.moment, DEGENERATE_DEPTH)
-    # What is wrong is said step by step.
-    return decompose(interaction_matrix(lines_camera)) if parts is None else Decomposition(*parts)
+def interaction_conditioning(lines_camera: LineSet, characteristic_length: float = 1.0) -> Conditioning:
+    """Return conditioning(interaction_matrix(lines_camera), ...) in one call, with the same errors."""
+    parts = _core.interaction_conditioning(lines_camera.direction, lines_camera.moment, DEGENERATE_DEPTH)
+    if parts is None:
+        # What is wrong is said step by step.
+        return conditioning(interaction_matrix(lines_camera), characteristic_length)
+    return conditioning_of(*parts, characteristic_length)

@@ -10,7 +10,7 @@ import numpy as np
 
 from plsing_ros import _core
 from plsing_ros.arrays import Array
-from plsing_ros.features import Decomposition, LineObservation
+from plsing_ros.features import LineObservation, decompose, interaction_matrix
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_alignment import matched
 from plsing_ros.monitoring.closed_loop_rollout import (
@@ -59,7 +59,7 @@ class Prediction:
         self._rollout.clear()
         self._at_rest.clear()
         self._search.clear()
-        self._previous: tuple[int, Array, Decomposition] | None = None
+        self._previous: tuple[int, Array, LineSet] | None = None
 
     def receive_twist(self, twist: Array, stamp: int, min_speed: float) -> None:
         """Take the commanded twist, shape (6,), for the features of a stamp [ns].
@@ -89,7 +89,6 @@ class Prediction:
     def growth(
         self,
         observation: LineObservation,
-        factors: Decomposition,
         pose: Pose | None,
         scene: LineSet,
         target_image: Array | None,
@@ -101,7 +100,6 @@ class Prediction:
 
         Args:
             observation: What the camera sees.
-            factors: Of L at the usable lines.
             pose: T_world_camera, if it is known.
             scene: The lines in the scene frame.
             target_image: Image lines at the target, shape (n, 3), if known; otherwise it is found from the twists.
@@ -130,7 +128,7 @@ class Prediction:
             expected = self._rollout.advance(sight, target_image, twist, commanded[0], parameters.horizon)
             if expected is None:
                 self._search.clear()
-        self._previous = (stamp, image, factors)
+        self._previous = (stamp, image, lines)
         self._patience = self._patience - 1 if expected is None else _PATIENCE
         self.rules = self._patience >= 0
         if expected is None:
@@ -141,9 +139,10 @@ class Prediction:
 
     def _target_image(self, twist: Array, twist_stamp: int) -> Array | None:
         """Return s* as rows, shape (n, 3), as far as the twists tell it."""
-        if self._search.target_image is None and self._previous is not None and self._previous[0] == twist_stamp:
-            self._search.add(*self._previous[1:], twist)
-        return self._search.target_image
+        search, previous = self._search, self._previous
+        if search.target_image is None and previous is not None and previous[0] == twist_stamp:
+            search.add(previous[1], decompose(interaction_matrix(previous[2])), twist)
+        return search.target_image
 
 
 def _sight(stamp: int, lines: LineSet, image: Array, pose: Pose | None, scene: LineSet) -> Snapshot:

@@ -17,12 +17,11 @@ from plsing_ros.features import (
     Conditioning,
     LineObservation,
     checked_observation,
-    conditioning,
     decompose,
-    decompose_interaction,
+    interaction_conditioning,
+    smallest_over_largest,
 )
 from plsing_ros.features.consistency import ConsistencyCheck, left_out_text
-from plsing_ros.features.decomposition import Decomposition
 from plsing_ros.features.target import MINIMUM_LINES
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_alignment import pose_by_lines
@@ -284,9 +283,8 @@ class SingularityMonitor:
         except ObservationError as error:
             return self.unusable(str(error), stamp)
         self._missing = 0
-        factors = decompose_interaction(lines)
-        numbers = conditioning(factors, parameters.characteristic_length)
-        ruling = self._ruling(numbers, factors)
+        numbers = interaction_conditioning(lines, parameters.characteristic_length)
+        ruling = self._ruling(numbers)
         target_inverse, target_image = NOT_KNOWN if self._target is None else self._target.at(lines.ids)
         distances = None if pose is None else singular.distance_arrays(pose.translation)
         known = observation.usable_covariances
@@ -302,9 +300,7 @@ class SingularityMonitor:
             note += f"; the twists are not those of {self._risk.other_law}: the law in force is not known"
         growth = None
         if risk is None:
-            growth = self._prediction.growth(
-                observation, factors, pose, singular.lines, target_image, twist, stamp, parameters
-            )
+            growth = self._prediction.growth(observation, pose, singular.lines, target_image, twist, stamp, parameters)
         calm, foreseen = "", (time_to_critical, approach)
         if parameters.rollout_rules and (risk is not None or self._risk.is_awaited):
             # Near a singularity is not yet in trouble: what comes of it is known, or will be in a moment.
@@ -387,7 +383,7 @@ class SingularityMonitor:
         """Return what is left of the precision of a pose in a scene that is singular everywhere, or ""."""
         return "" if near is None or not self._singular_everywhere else f"; {precision_text(near)}"
 
-    def _ruling(self, numbers: Conditioning, factors: Decomposition) -> Conditioning:
+    def _ruling(self, numbers: Conditioning) -> Conditioning:
         """Return the conditioning that levels are judged by: that of the degrees of freedom in use."""
         columns = self._parameters.columns
         if len(columns) == 6:
@@ -395,14 +391,10 @@ class SingularityMonitor:
         # The left singular vectors change nothing.
         used = np.zeros(6)
         used[list(columns)] = 1.0
-        part = decompose(factors.singular_values[:, np.newaxis] * factors.right * used)
-        values = part.singular_values.copy()
-        values[len(columns) :] = 0.0
-        inverse = float(values[len(columns) - 1] / values[0]) if values[0] > 0.0 else 0.0
+        part = decompose(numbers.singular_values[:, np.newaxis] * numbers.right * used)
+        values = part.singular_values[: len(columns)]
         return numbers._replace(
-            singular_values=values[: len(columns)],
-            inverse_condition_number=inverse,
-            last_right_vector=part.right[len(columns) - 1],
+            singular_values=values, inverse_condition_number=smallest_over_largest(values.tolist()), right=part.right
         )
 
     def _of_loci(self, distance: Array | None, near: Proximity | None) -> tuple[Array | None, Proximity | None]:
@@ -414,8 +406,7 @@ class SingularityMonitor:
             target, pose = self._target, self._T_world_target
             text = "the least observable motion"
             if target is not None and target.lines is not None and pose is not None:
-                factors = decompose_interaction(target.lines)
-                weakest = self._ruling(conditioning(factors), factors).least_observable_direction
+                weakest = self._ruling(interaction_conditioning(target.lines)).least_observable_direction
                 singular = self._singular_set
                 text = unobservable_motion_text(weakest, pose, singular, singular.nearest_locus(pose.translation))
             self._motion_at_target = text
@@ -454,9 +445,8 @@ class SingularityMonitor:
         except ObservationError as error:
             why = str(error)
             return Assessment(Level.UNOBSERVABLE, lambda: why, 0)
-        factors = decompose_interaction(lines)
-        numbers = conditioning(factors, self._parameters.characteristic_length)
-        ruling = self._ruling(numbers, factors)
+        numbers = interaction_conditioning(lines, self._parameters.characteristic_length)
+        ruling = self._ruling(numbers)
         target_inverse = None if self._target is None else self._target.at(lines.ids).inverse_condition_number
         distances = self._singular_set.distance_arrays(T_world_camera.translation)
         nearest = self._approaches.nearest(distances)

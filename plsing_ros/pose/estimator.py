@@ -12,7 +12,7 @@ import numpy as np
 from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import DegenerateProjectionError, GeometryError, ObservationError
-from plsing_ros.features import LineObservation, checked_observation, decompose_interaction
+from plsing_ros.features import LineObservation, checked_observation, interaction_conditioning
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.rotations import rotation_vector
 from plsing_ros.parameters.options import parameters_from_options
@@ -120,8 +120,7 @@ class PoseEstimator:
         scene = self._scene(ids)
         try:
             seen = scene.lines.transformed(T_world_camera.inverse(), "camera")
-            values = decompose_interaction(seen).singular_values
-            condition = float(values[-1] / values[0])
+            condition = interaction_conditioning(seen).inverse_condition_number
         except (DegenerateProjectionError, GeometryError):
             condition = 0.0
         return scene.singular.nearest_locus(T_world_camera.translation), condition

@@ -91,21 +91,21 @@ def test_there_is_no_svd_of_what_is_not_finite_or_overflows(value):
 
 
 @given(lines=st.one_of(seen_lines(min_size=2), seen_lines(min_size=45, max_size=50)))
-def test_the_decomposition_of_an_interaction_matrix_is_that_of_the_two_steps(lines):
-    left, values, right = _core.interaction_svd(lines.direction, lines.moment, MIN_DEPTH)
+def test_the_conditioning_of_an_interaction_matrix_is_that_of_its_decomposition(lines):
+    values, right = _core.interaction_conditioning(lines.direction, lines.moment, MIN_DEPTH)
     matrix = _core.interaction_matrix(lines.direction, lines.moment, MIN_DEPTH)
-    rounding = 1e-14 * values[0]
-    np.testing.assert_allclose((left * values) @ right, matrix, rtol=0.0, atol=rounding)
-    np.testing.assert_allclose(values, _core.svd(matrix)[1], rtol=0.0, atol=rounding)
+    expected, rounding = _core.svd(matrix)[1], 1e-14 * values[0]
+    np.testing.assert_allclose(values, expected, rtol=0.0, atol=rounding)
     np.testing.assert_allclose(right @ right.T, np.eye(6), atol=1e-14)
-    seen = values > rounding
-    np.testing.assert_allclose((left.T @ left)[np.ix_(seen, seen)], np.eye(6)[np.ix_(seen, seen)], atol=1e-13)
+    np.testing.assert_allclose(
+        right @ (matrix.T @ matrix) @ right.T, np.diag(values**2), rtol=0.0, atol=rounding * values[0]
+    )
 
 
 @pytest.mark.parametrize(("element", "good"), [(0.3, True), (0.0, False), (np.inf, False), (np.nan, False)])
 def test_there_is_nothing_without_an_image_nor_of_what_is_not_finite(element, good):
     moment = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 1.0], [element, 0.0, 0.0]])
-    assert (_core.interaction_svd(np.eye(3), moment, MIN_DEPTH) is not None) is good
+    assert (_core.interaction_conditioning(np.eye(3), moment, MIN_DEPTH) is not None) is good
     assert (_core.compute_twist(np.eye(3), moment, np.ones(9), np.ones(9), MIN_DEPTH, 0.1, 0.0) is not None) is good
 
 
@@ -222,7 +222,7 @@ def test_the_mean_is_that_of_changes_of_angle_and_offset(image, numbers, columns
         ("subtract", (np.ones(4), np.ones(3))),
         ("interaction_matrix", (np.ones((2, 3)), np.ones((3, 3)), 1e-9)),
         ("interaction_matrix", (np.ones((2, 4)), np.ones((2, 4)), 1e-9)),
-        ("interaction_svd", (None, np.ones((2, 3)), 1e-9)),
+        ("interaction_conditioning", (None, np.ones((2, 3)), 1e-9)),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(name, arguments):
