@@ -8,12 +8,24 @@ python3 -m benchmark refusals --quick
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmark.servo_conditions import CONDITIONS, Camera, ServoTask, draw_task
+from benchmark.servo_conditions import (
+    CONDITIONS,
+    FOCAL_LENGTH,
+    Camera,
+    Condition,
+    ServoTask,
+    draw_task,
+    image_lines,
+    line_covariances,
+    view_of,
+)
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.features import LineObservation
 from plsing_ros.features.consistency import ConsistencyCheck, Tolerances
@@ -21,6 +33,10 @@ from plsing_ros.geometry import LineSet, Pose
 
 SEED = 5
 _FRAMES_PER_TASK = 40
+# What the tolerances are for: a map with ends of segments so far off, each coordinate, and seen from no nearer [m].
+_MAP_DEVIATION, _NEAREST = 0.005, 0.1
+# Image lines that are exchanged contradict if they are so many standard deviations apart.
+_CLEAR = 5.0
 _ROWS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -50,29 +66,56 @@ def consistent(tasks: int) -> None:
 
 
 def contradictory(tasks: int) -> None:
-    """Print how many contradictory frames of the nominal condition pass, and how many of these are not harmless.
+    """Print how many contradictory frames pass, and how many of these are not harmless.
 
     Harmless is a frame whose twists, by every law that is tried, differ from those of the right frame by no more than
     lambda times the tolerances of a pose: as if the camera were known as well as it has to be.
     """
-    condition, rng = CONDITIONS["nominal"], np.random.default_rng([SEED, 2])
-    tried: dict[str, int] = {}
-    passed: dict[str, int] = {}
-    harmful: dict[str, int] = {}
-    for number in range(tasks):
-        task = draw_task(rng, condition, number % 3 != 2)
-        camera, check = Camera(task, condition, rng), ConsistencyCheck(task.map)
-        frame = camera.frame(task.start)
-        for kind, observation, pose in spoilt(frame.observation, frame.T_world_camera, rng):
-            tried[kind] = tried.get(kind, 0) + 1
-            passes = check.contradiction(observation, pose) is None
-            passed[kind] = passed.get(kind, 0) + passes
-            if passes:
-                harmful[kind] = harmful.get(kind, 0) + _leads_astray(task, frame.observation, observation)
-    print("\n| kind | frames | not noticed | of these, not harmless |\n|---|---|---|---|")
-    for kind, count in tried.items():
-        print(f"| {kind} | {count} | {passed[kind]} | {harmful.get(kind, 0)} |")
-    print(f"| all | {sum(tried.values())} | {sum(passed.values())} | {sum(harmful.values())} |")
+    cases = (("nominal", True, tasks), ("lab", False, tasks), ("nominal", False, tasks))
+    for name, known, count in cases:
+        condition, rng = CONDITIONS[name], np.random.default_rng([SEED, 2])
+        tried, passed, harmful = Counter[str](), Counter[str](), Counter[str]()
+        for number in range(count):
+            task = draw_task(rng, condition, number % 3 != 2)
+            camera, check = Camera(task, condition, rng), ConsistencyCheck(task.map)
+            frame = camera.frame(task.start)
+            right = frame.observation if known else replace(frame.observation, covariances=None)
+            alike = _exchangeable(task, condition, right)
+            for kind, observation, pose in spoilt(right, frame.T_world_camera, rng, alike):
+                passes = check.contradiction(observation, pose) is None
+                tried[kind] += 1
+                passed[kind] += passes
+                if passes:
+                    harmful[kind] += _leads_astray(task, right, observation)
+        print(f"\n{name}, {'with' if known else 'without'} covariances")
+        print("\n| kind | frames | not noticed | of these, not harmless |\n|---|---|---|---|")
+        for kind, frames in tried.items():
+            print(f"| {kind} | {frames} | {passed[kind]} | {harmful[kind]} |")
+        print(f"| all | {tried.total()} | {passed.total()} | {harmful.total()} |", flush=True)
+
+
+def _exchangeable(task: ServoTask, condition: Condition, right: LineObservation) -> np.ndarray:
+    """Return which usable image lines, if they are exchanged, contradict: shape (n, n).
+
+    Those that are farther from each other, in angle and offset, than five standard deviations of what noise of the
+    condition and a map that is wrong by what the tolerances are for (docs/refusals.md) may do to their difference.
+    """
+    points, _ = view_of(task.ends, task.start)
+    depth = ((task.ends - task.start.translation) @ task.start.rotation)[:, :, 2].min(axis=1)
+    deviation = np.hypot(condition.pixels / FOCAL_LENGTH, _MAP_DEVIATION / np.maximum(depth, _NEAREST))
+    unit = line_covariances(points, 1.0)
+    rows = [task.map.ids.index(i) for i in right.usable_ids]
+    image = image_lines(points)[rows]
+    own = (unit * np.square(deviation)[:, np.newaxis])[rows]
+    x, y, z = image.T
+    turn = np.arctan2(np.outer(x, y) - np.outer(y, x), np.outer(x, x) + np.outer(y, y))
+    apart = np.stack([turn, z - z[:, np.newaxis]], axis=-1)
+    a, b, c = np.moveaxis(own[:, np.newaxis] + own, -1, 0)
+    square = (c * apart[..., 0] ** 2 - 2.0 * b * apart[..., 0] * apart[..., 1] + a * apart[..., 1] ** 2) / (
+        a * c - b**2
+    )
+    clear: np.ndarray = square > _CLEAR**2
+    return clear
 
 
 def _leads_astray(task: ServoTask, right: LineObservation, wrong: LineObservation) -> bool:
@@ -91,9 +134,16 @@ def _leads_astray(task: ServoTask, right: LineObservation, wrong: LineObservatio
 
 
 def spoilt(
-    right: LineObservation, pose: Pose, rng: np.random.Generator
+    right: LineObservation, pose: Pose, rng: np.random.Generator, clear: np.ndarray
 ) -> Iterator[tuple[str, LineObservation, Pose | None]]:
-    """Return contradictory versions of an observation, with the pose that is told along, if one is."""
+    """Return contradictory versions of an observation, with the pose that is told along, if one is.
+
+    Args:
+        right: Without contradictions.
+        pose: That is right.
+        rng: Of the choices.
+        clear: Which image lines are apart enough to be exchanged, shape (n, n).
+    """
     lines, image, ids = right.lines_camera, right.usable_image_lines, right.usable_ids
     covariances = right.usable_covariances
     n = len(ids)
@@ -125,7 +175,13 @@ def spoilt(
     order = np.arange(n)
     order[[first, second]] = second, first
     yield "two ids exchanged", made(named=tuple(ids[row] for row in order)), None
-    yield "two image lines exchanged", made(image[order], own=None if covariances is None else covariances[order]), None
+    pairs = np.argwhere(np.triu(clear, 1))
+    if len(pairs):
+        order = np.arange(n)
+        first, second = rng.choice(pairs)
+        order[[first, second]] = second, first
+        own = None if covariances is None else covariances[order]
+        yield "two image lines exchanged", made(image[order], own=own), None
     mixed = rng.permutation(n)
     if (mixed != np.arange(n)).any():
         yield "ids mixed", made(named=tuple(ids[row] for row in mixed)), None

@@ -92,17 +92,26 @@ def are_consistent(
     """
 
 def exchanged_pair(
-    image_lines: Array, moment: Array, covariances: Array, map_std: float, min_cosine: float, log_ratio: float
+    image_lines: Array,
+    moment: Array,
+    covariances: Array,
+    map_std: float,
+    min_cosine: float,
+    log_ratio: float,
+    pair_ratio: float,
+    frame_ratio: float,
 ) -> tuple[int, int] | None:
     """Return the rows of two image lines that fit much better with each other's 3-D line, or None.
 
     Args:
         image_lines: Shape (n, 3).
         moment: Of their 3-D lines in the camera frame, shape (n, 3) [m].
-        covariances: Of angle and offset of each image line, shape (n, 3).
+        covariances: Of angle and offset of each image line, shape (n, 3); (0, 3): not known.
         map_std: Of a line in the map [m].
         min_cosine: Between the planes of two lines that are looked at.
-        log_ratio: By which exchanging them must be more likely.
+        log_ratio: By which exchanging them must be more likely by their covariances, or
+        pair_ratio: what it must leave of the square misfit of the two at most, and
+        frame_ratio: of that of all lines.
 
     Source: features.near_pairs.
     """

@@ -235,42 +235,45 @@ bool are_consistent_with_pose(const Vectors &image_lines, const Vectors &directi
 }
 
 py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, const Vectors &covariances, double map_std,
-                          double min_cosine, double log_ratio)
+                          double min_cosine, double log_ratio, double pair_ratio, double frame_ratio)
 {
     const Eigen::Index n = image_lines.rows();
-    require(moment.rows() == n && covariances.rows() == n, "there must be a moment and a covariance for each line");
-    struct Line {
-        Vector3d normal, seen, expected;
-        double variance[3];
-    };
+    const bool known = covariances.rows() != 0;
+    require(moment.rows() == n && (!known || covariances.rows() == n), "there must be a moment for each line");
+    const auto apart = [](const Vector3d &a, const Vector3d &b) { return (a - b).squaredNorm(); };
+    struct Line { Vector3d normal, direction, seen, expected, variance; };
+    double total = 0.0;
     std::vector<Line> lines;
     for (Eigen::Index i = 0; i < n; i++) {
-        const Vector3d own = moment.row(i);
+        const Vector3d own = moment.row(i), seen = image_lines.row(i);
         const double depth = std::hypot(own[0], own[1]);
-        Line line{own / own.norm(), image_lines.row(i), own / depth, {}};
-        const auto each = covariances.row(i);
+        lines.push_back({own / own.norm(), seen / seen.norm(), seen, own / depth, Vector3d::Zero()});
+        total += apart(lines.back().direction, lines.back().normal);
+        if (!known) continue;
+        const Vector3d each = covariances.row(i);
         // Of the ends of the piece that is seen, which the image has with this variance.
         const double ends = 2.0 * (each[2] - each[1] * each[1] / each[0]), share = map_std / depth;
-        for (int k = 0; k < 3; k++) line.variance[k] = each[k] * (1.0 + share * share / ends);
-        lines.push_back(line);
+        lines.back().variance = each * (1.0 + share * share / ends);
     }
-    const auto turn = [](const Vector3d &from, const Vector3d &to) {
-        return std::atan2(from[0] * to[1] - from[1] * to[0], from[0] * to[0] + from[1] * to[1]);
-    };
+    const auto turn = [](auto &a, auto &b) { return std::atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]); };
     py::object found = py::none();
-    double most = log_ratio;
+    double most = 1.0;
     for (Eigen::Index i = 0; i < n; i++)
         for (Eigen::Index j = i + 1; j < n; j++) {
             const Line &one = lines[i], &other = lines[j];
             if (!(one.normal.dot(other.normal) > min_cosine)) continue;
+            const double own = apart(one.direction, one.normal) + apart(other.direction, other.normal);
+            const double swapped = apart(one.direction, other.normal) + apart(other.direction, one.normal);
             const double x = turn(other.seen, one.seen), y = one.seen[2] - other.seen[2];
             const double x0 = turn(other.expected, one.expected), y0 = one.expected[2] - other.expected[2];
-            const double a = one.variance[0] + other.variance[0], b = one.variance[1] + other.variance[1],
-                         c = one.variance[2] + other.variance[2];
-            // d' S^-1 d0 for S = (a b; b c).
-            const double product = (c * x * x0 - b * (x * y0 + y * x0) + a * y * y0) / (a * c - b * b);
-            if (!(-2.0 * product > most)) continue;
-            most = -2.0 * product;
+            const Vector3d s = one.variance + other.variance;
+            // d' S^-1 d0 |S| for S = (s[0] s[1]; s[1] s[2]).
+            const double product = s[2] * x * x0 - s[1] * (x * y0 + y * x0) + s[0] * y * y0;
+            const bool explains = total - own + swapped < frame_ratio * total && own > 1e-12;
+            const double score = std::max(explains ? pair_ratio * own / swapped : 0.0,
+                                          known ? -2.0 * product / (log_ratio * (s[0] * s[2] - s[1] * s[1])) : 0.0);
+            if (!(score > most)) continue;
+            most = score;
             found = py::make_tuple(i, j);
         }
     return found;

@@ -26,8 +26,13 @@ from plsing_ros.geometry.line_alignment import matched_rows
 
 # An image line on the other side of its 3-D line is never an error of measurement [rad].
 _OTHER_SIDE = 1.9
+# An image line is turned round when it is so to this [rad], and the camera is farther from it than this share of the
+# tolerance.
+_TURNED, _NEARER = 0.3, 0.25
 # From here on another explanation of the image is looked for [rad].
 _SUSPICIOUS = 0.08
+# By which pose and map add to the allowed angle of an image line, but of those near the camera [rad].
+_FARTHER = 0.25
 # Standard deviations in a tolerance.
 _DEVIATIONS = 8.0
 # Up to this share of what is allowed, directions are not looked at line by line.
@@ -117,10 +122,7 @@ class ConsistencyCheck:
         problem = None
         if not self._agrees(observation.usable_image_lines, lines, T_world_camera):
             problem = self._disagreement(observation.usable_image_lines, lines, T_world_camera)
-        covariances = observation.usable_covariances
-        if problem is not None or covariances is None:
-            return problem
-        return self._of_near_pairs(observation.usable_image_lines, lines, covariances)
+        return problem or self._of_pairs(observation.usable_image_lines, lines, observation.usable_covariances)
 
     def _disagreement(self, image: Array, lines: LineSet, told: Pose | None) -> str | None:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -158,9 +160,11 @@ class ConsistencyCheck:
             *self._near,
         )
 
-    def _of_near_pairs(self, image: Array, lines: LineSet, covariances: Array) -> str | None:
+    def _of_pairs(self, image: Array, lines: LineSet, covariances: Array | None) -> str | None:
         map_std = self.tolerances.position / _DEVIATIONS
-        rows = exchanged_pair(image, lines.moment, covariances, map_std)
+        # Others are farther off than is allowed, when they are exchanged.
+        near = min(self.tolerances.image + _FARTHER, math.pi)
+        rows = exchanged_pair(image, lines.moment, covariances, map_std, near)
         return None if rows is None else exchanged_images_text(*(lines.ids[row] for row in rows))
 
     def _of_image(self, image: Array, lines: LineSet) -> str | None:
@@ -175,8 +179,10 @@ class ConsistencyCheck:
         angle = np.nan_to_num(np.arccos(np.clip(cosine, -1.0, 1.0)), nan=math.pi)
         by_pose = tolerances.rotation + tolerances.position / distance
         allowed = np.minimum(tolerances.image + by_pose, _OTHER_SIDE)
-        # A camera within the tolerance of a line may be on either side of it.
-        allowed[distance <= tolerances.position] = math.pi
+        # A camera within the tolerance of a line may be on either side of it. It then sees it at any angle, and hardly
+        # ever exactly turned round, unless it is nearer still.
+        near = distance <= tolerances.position
+        allowed[near] = np.where(distance[near] > _NEARER * tolerances.position, math.pi - _TURNED, math.pi)
         return image_contradiction(lines.ids, image, moment, angle, allowed, _SUSPICIOUS)
 
     def _matched(self, lines: LineSet) -> tuple[LineSet | None, LineSet | None]:
@@ -202,8 +208,9 @@ class ConsistencyCheck:
         try:
             aligned = align_lines(expected, seen)
         except GeometryError:
-            # Parallel lines fix no pose; which way they point still tells.
-            return self._explanations.of_parallel(expected, seen)
+            # Parallel lines fix no pose; which way they point still tells, and whether a pose fits.
+            problem = self._explanations.of_parallel(expected, seen)
+            return problem if problem is not None or told is None else self._of_parallel_lines(expected, seen, told)
         total = aligned.offset * math.sqrt(len(seen))
         if not (aligned.angle <= _SURE * tolerances.direction and total <= tolerances.position):
             fit = fit_of(expected, seen, aligned.T_world_camera, self._allowed)
@@ -215,6 +222,22 @@ class ConsistencyCheck:
             if problem is not None:
                 return problem
         return None if told is None else self._of_pose(aligned.T_world_camera, aligned.angle, total, seen, told)
+
+    def _of_parallel_lines(self, expected: LineSet, seen: LineSet, told: Pose) -> str | None:
+        tolerances = self.tolerances
+
+        def allowed(turn: Array, foot: Array) -> tuple[float, Array]:
+            angle, offset = self._allowed(turn, foot)
+            return angle + tolerances.rotation, offset + tolerances.position
+
+        fit = fit_of(expected, seen, told, allowed)
+        if fit.good:
+            return None
+        return (
+            f"camera_pose contradicts the 3-D lines, which are parallel: by it line {seen.ids[fit.worst]} is "
+            f"{math.degrees(fit.angle):.3g} degrees and {fit.offset:.3g} m off; check that it is T_world_camera of the "
+            "optical frame, and that it belongs to these features"
+        )
 
     def _allowed(self, turn: Array, foot: Array) -> tuple[float, Array]:
         """Return the allowed angle of directions and offset of lines [m], shape (k,), for turns and distances."""

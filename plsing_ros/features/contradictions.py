@@ -88,11 +88,9 @@ def image_contradiction(
     depth = np.hypot(moment[:, 0], moment[:, 1])
     # A degenerate line has no image to compare with: it is not in an observation.
     projected = moment / depth[:, np.newaxis]
-    text = (
-        (_turned_rows(ids, angle, allowed) if contradicts else None)
-        or _exchanged_rows(ids, image, projected, angle, off)
-        or _scaled_offsets(image, projected, angle)
-    )
+    text = _scaled_offsets(image, projected, angle)
+    if contradicts:
+        text = _turned_rows(ids, angle, allowed) or _exchanged_rows(ids, image, projected, angle, off) or text
     if text is None and contradicts:
         row = int(np.argmax(angle - allowed))
         text = (

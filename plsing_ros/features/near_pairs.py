@@ -5,28 +5,38 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from plsing_ros import _core
 from plsing_ros.arrays import Array
 
-# Only image lines nearer to each other are looked at: others are far off when they are exchanged [rad].
-_NEAR = 0.35
 # Exchanged explains the two lines so many times better (its logarithm): chance does that to one pair in 250,000.
 _LOG_RATIO = 10.0
+# Whatever the covariances are, it leaves so little of the square misfit of the two, and of that of all lines: chance
+# does that to one harsh frame in 200,000.
+_OF_THE_PAIR, _OF_ALL = 0.05, 0.1
+_NONE = np.empty((0, 3))
 
 
-def exchanged_pair(image: Array, moment: Array, covariances: Array, map_std: float) -> tuple[int, int] | None:
+def exchanged_pair(
+    image: Array, moment: Array, covariances: Array | None, map_std: float, near: float = 0.6
+) -> tuple[int, int] | None:
     """Return the rows of two image lines that fit much better with each other's 3-D line, or None.
 
     What is wrong with the pose moves lines that are near each other alike. So their difference d in angle and offset is
     compared with that of their 3-D lines' images, d0: with the sum S of their covariances, exchanging them is
     exp(-2 d' S^-1 d0) times as likely. The map adds to the ends of a segment in the image what it is wrong there.
+    Without covariances, and beside them, the square misfit tells, if exchanging the two leaves hardly any of theirs and
+    little of that of all lines: the others show how large errors are.
 
     Args:
         image: n image lines, shape (n, 3).
         moment: Of their 3-D lines in the camera frame, shape (n, 3) [m].
-        covariances: Of angle and offset of each image line, shape (n, 3).
+        covariances: Of angle and offset of each image line, shape (n, 3), if they are known.
         map_std: Of a line in the map [m].
+        near: Only image lines that are nearer to each other are looked at [rad].
 
     Source: the test of two simple hypotheses of Neyman and Pearson; docs/refusals.md.
     """
-    return _core.exchanged_pair(image, moment, covariances, map_std, math.cos(_NEAR), _LOG_RATIO)
+    known = _NONE if covariances is None else covariances
+    return _core.exchanged_pair(image, moment, known, map_std, math.cos(near), _LOG_RATIO, _OF_THE_PAIR, _OF_ALL)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contradictory features are named, consistent ones pass: of the paper's four lines and of any others."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -187,3 +189,44 @@ def test_nearly_equal_image_lines_that_are_exchanged_are_named_where_noise_lets_
     assert exchanged_pair(image, moment, own, 0.005) is None
     if separation > 8.0:
         assert exchanged_pair(image[::-1].copy(), moment, own, 0.005) == (0, 1)
+
+
+@given(apart=st.tuples(numbers(-0.1, 0.1), numbers(-0.1, 0.1)), noise=vectors(10, -1.0, 1.0), share=numbers(0.0, 0.08))
+def test_exchanged_image_lines_without_covariances_are_named_if_the_other_lines_fit_better(apart, noise, share):
+    size = np.linalg.norm(apart)
+    assume(size > 1e-4)
+    angles = np.array([0.2, 0.2 + apart[0], 1.5, 2.6, 4.0])
+    offsets = np.array([0.1, 0.1 + apart[1], 0.2, -0.1, 0.0])
+    moment = 2.0 * np.column_stack([np.cos(angles), np.sin(angles), offsets])
+    # Errors of all lines alike, and a share of what the two are apart.
+    off = share * size * noise.reshape(5, 2)
+    image = np.column_stack([np.cos(angles + off[:, 0]), np.sin(angles + off[:, 0]), offsets + off[:, 1]])
+    assert exchanged_pair(image, moment, None, 0.005) is None
+    assert exchanged_pair(image[[1, 0, 2, 3, 4]], moment, None, 0.005) == (0, 1)
+
+
+@given(angle=numbers(-3.0, 3.0), distance=numbers(0.011, 0.2), error=vectors(3, -0.002, 0.002))
+def test_a_negated_image_line_is_refused_also_where_the_camera_nearly_touches_the_line(angle, distance, error):
+    beside = np.array([math.cos(angle), math.sin(angle), 0.0]) * distance
+    point, direction = np.array([0.0, 0.0, 2.0]) + beside, np.array([0.05, -0.02, 1.0])
+    scene = LineSet.from_points_directions(
+        np.vstack([seen_from().lines_camera.point, point]), np.vstack([seen_from().lines_camera.direction, direction])
+    )
+    right = LineObservation.of_lines(scene.transformed(Pose(np.eye(3), error), "camera"))
+    told = LineObservation.of_lines(scene.transformed(Pose(np.eye(3), np.zeros(3)), "camera"))
+    assume(right.usable.all())
+    image = right.image_lines * np.array([1.0, 1.0, 1.0, 1.0, -1.0])[:, np.newaxis]
+    check = ConsistencyCheck(scene)
+    assert check.contradiction(LineObservation(told.ids, image, told.usable, told.lines_camera)) is not None
+
+
+@given(along=numbers(-2.0, 2.0), across=numbers(0.5, 5.0))
+def test_a_pose_is_compared_with_parallel_lines_as_far_as_they_tell(along, across):
+    points = [[0.0, 0.0, 0.0], [0.4, 0.0, 0.1], [0.1, 0.5, 0.0], [-0.4, 0.2, 0.3]]
+    scene = LineSet.from_points_directions(points, np.tile([1.0, 0.2, 0.1], (4, 1)))
+    seen = seen_from(scene=scene)
+    shift = along * scene.direction[0]
+    assert contradiction(seen, Pose(CAMERA.rotation, CAMERA.translation + shift), scene) is None
+    off = np.cross(scene.direction[0], [0.0, 0.0, 1.0])
+    shift = shift + across * off / np.linalg.norm(off)
+    assert "parallel" in contradiction(seen, Pose(CAMERA.rotation, CAMERA.translation + shift), scene)
