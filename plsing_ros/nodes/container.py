@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 
 from plsing_ros.errors import ParameterError
@@ -47,3 +48,7 @@ def _chosen(options: argparse.Namespace) -> Sequence[Create]:
     if twice:
         raise ParameterError(f"node '{min(twice)}' is given more than once; each can run once in a process")
     return [NODES[name] for name in options.nodes]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Generator, Mapping
 from typing import Any
 
@@ -332,3 +333,7 @@ All parameters with units and ranges: $share/config/controller.yaml"""
 def main() -> int:
     """Run the node."""
     return run_node(ControllerNode, __doc__.split("\n")[0], _EXAMPLES)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

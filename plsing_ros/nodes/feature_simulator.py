@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -71,3 +72,7 @@ All parameters with units and ranges: $share/config/feature_simulator.yaml"""
 def main() -> int:
     """Run the node."""
     return run_node(FeatureSimulatorNode, __doc__.split("\n")[0], _EXAMPLES)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

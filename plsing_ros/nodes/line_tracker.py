@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -95,7 +96,8 @@ class LineTrackerNode(ParameterizedNode[LineTrackerParameters]):
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         try:
-            self._session.set_pose(camera_pose_from_message(message, self.parameters.scene_frame))
+            pose = camera_pose_from_message(message, self.parameters.scene_frame, "initial_pose")
+            self._session.set_pose(pose)
         except GeometryError as error:
             self.report(f"initial_pose refused: {error}", DiagnosticStatus.WARN)
 
@@ -226,3 +228,7 @@ All parameters with units and ranges: config/line_tracker.yaml"""
 def main() -> int:
     """Run the node."""
     return run_node(LineTrackerNode, __doc__.split("\n")[0], _EXAMPLES)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -49,13 +49,18 @@ def camera_pose_message(
     return message
 
 
-def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str) -> Pose:
+def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str, topic: str = "camera_pose") -> Pose:
     """Return T_world_camera.
+
+    Args:
+        message: The camera's pose.
+        frame: That of the scene, which it must be in.
+        topic: That it came on, for what is said about it.
 
     Raises:
         GeometryError: If a value is not finite, the quaternion is not of unit length, or the frame is another one.
     """
-    return _pose("camera_pose", message.header.frame_id, message.pose.pose, frame)
+    return _pose(topic, message.header.frame_id, message.pose.pose, frame)
 
 
 def covariance_from_message(message: PoseWithCovarianceStamped) -> Array | None:

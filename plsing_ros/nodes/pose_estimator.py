@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -160,3 +161,7 @@ All parameters with units and ranges: $share/config/pose_estimator.yaml"""
 def main() -> int:
     """Run the node."""
     return run_node(PoseEstimatorNode, __doc__.split("\n")[0], _EXAMPLES)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

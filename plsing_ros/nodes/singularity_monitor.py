@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -251,3 +252,7 @@ All parameters with units and ranges: $share/config/singularity_monitor.yaml"""
 def main() -> int:
     """Run the node."""
     return run_node(SingularityMonitorNode, __doc__.split("\n")[0], _EXAMPLES)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -295,6 +295,13 @@ def test_help_has_examples_and_is_quick_to_tell(start, name):
     assert re.search(r"examples:\n  \S+", output_of(process))
 
 
+@pytest.mark.parametrize("name", [*NODES, "line_tracker", "arm_simulator", "container"])
+def test_a_module_of_a_node_runs_it_as_well(name):
+    command = [sys.executable, "-m", f"plsing_ros.nodes.{name}", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=True)
+    assert "examples:" in done.stdout
+
+
 def test_the_command_line_has_the_last_word_over_parameter_files(start):
     """Only a value that is refused shows in the output which one was taken."""
     process = start("controller", *PAPER, "-p", "gain:=-1.0")

@@ -9,6 +9,7 @@ import pytest
 from builders import twist_values
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from rcl_interfaces.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 
 from plsing_msgs.msg import LineFeatureArray
@@ -116,6 +117,13 @@ def test_images_become_line_features_and_a_pose(loop):
     expected = lines.moment / np.linalg.norm(lines.moment[:, :2], axis=1, keepdims=True)
     seen = np.array(features.visible, dtype=bool)
     np.testing.assert_allclose(np.reshape(features.image_lines, (-1, 3))[seen], expected[seen], atol=0.02)
+
+
+def test_a_first_pose_in_another_frame_is_refused_by_its_own_name(loop):
+    said = loop.ros.collect(Log, "/rosout", qos.STATUS)
+    loop.starts.publish(camera_pose_message(START, header(loop.node.now(), "elsewhere")))
+    expected = "initial_pose is in frame 'elsewhere', expected 'world'"
+    loop.ros.spin_until(lambda: any(expected in each.msg for each in said), "the refusal")
 
 
 def test_every_bad_image_is_named_and_gives_no_usable_line_and_tracking_goes_on(loop):
