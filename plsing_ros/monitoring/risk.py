@@ -20,7 +20,7 @@ from plsing_ros.geometry import Pose
 from plsing_ros.monitoring.evidence import Evidence
 from plsing_ros.monitoring.law_check import LawCheck
 from plsing_ros.monitoring.map_residuals import MapResiduals
-from plsing_ros.monitoring.rollout_setup import FIRST_STEPS, FRAME_PERIOD, MAX_STEPS, poses_around, rollout_task
+from plsing_ros.monitoring.rollout_setup import FIRST_STEPS, FRAME_PERIOD, MAX_STEPS, roll_out_around, rollout_task
 from plsing_ros.monitoring.run_clock import RunClock
 from plsing_ros.monitoring.segment_ends import SegmentEnds
 from plsing_ros.monitoring.shaking import expected_shaking
@@ -57,6 +57,7 @@ class Risk:
         probability: Of harm within the horizon, by this answer's samples and those of about the last second.
         shaking: How far noise drives the camera about the target, root mean square [m]; None: not known yet.
         is_other: Whether the commanded twists are not those of the law.
+        lacks_path: Whether the law waits for its path: what is rolled out is the straight way, which it may avoid.
     """
 
     stamp: int
@@ -66,6 +67,7 @@ class Risk:
     probability: float
     shaking: float | None = None
     is_other: bool = False
+    lacks_path: bool = False
 
     @cached_property
     def demand(self) -> float:
@@ -146,7 +148,7 @@ class RiskPredictor:
         """Take the commanded twist (6,) for the features of a stamp [ns]; below min_speed [m/s] the camera rests."""
         self._commands = [*self._commands[-1:], (stamp, twist)]
         if math.hypot(*twist.tolist()[:3]) >= min_speed or math.hypot(*twist.tolist()[3:]) >= min_speed:
-            self._clock.note_motion(stamp)
+            self._clock.note_motion(stamp, math.hypot(*twist.tolist()[:3]))
             self._law_check.receive_twist(twist, stamp)
 
     def receive_controller(self, law: str, gain: float) -> None:
@@ -156,7 +158,8 @@ class RiskPredictor:
 
     def receive_path(self, poses: Sequence[Pose]) -> None:
         """Take the path, T_world_camera from start to target, that the controller follows; none: it has no path."""
-        self._path = tuple(poses)
+        # What is said along another one, or without one, is of no use any more.
+        self._path, self._asked = tuple(poses), None
 
     def latest(
         self,
@@ -195,7 +198,8 @@ class RiskPredictor:
             self._residuals.add(observation)
         period = round(parameters.prediction_period * _SECOND)
         due = self._asked is None or not 0 <= stamp - self._asked < period
-        elapsed = self._clock.update(stamp, pose, T_world_target, parameters.degrees_of_freedom)
+        deviation = 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[:3, :3])))
+        elapsed = self._clock.update(stamp, pose, T_world_target, parameters.degrees_of_freedom, deviation)
         if due and not self.is_awaited:
             if self._run != self._clock.run:
                 self._run, self._evidence = self._clock.run, Evidence()
@@ -237,6 +241,7 @@ class RiskPredictor:
         # A path that leads elsewhere is that of another target.
         leads_there = bool(self._path) and self._path[-1].is_close(target, _SAME_TARGET)
         path = self._path if leads_there and law.law == "detour" else ()
+        lacks_path = law.law == "detour" and not path and not np.any(command)
         seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose, path=path)
         samples, seed, check, run = parameters.samples, self._seed, self._law_check, clock.run
         # As long as the loop is the same the target is held as well as it was; the first answer does not wait for that.
@@ -247,14 +252,15 @@ class RiskPredictor:
 
         def answer() -> _Answer | None:
             try:
-                outcomes = seen_task.roll_out(poses_around(pose, covariance, samples, seed), state, seed)
+                outcomes = roll_out_around(seen_task, pose, covariance, samples, state, seed)
                 shakes = shaking
                 if shakes is None and not is_first:
                     shakes = expected_shaking(task, samples, seed, MAX_STEPS)
                 is_other = does_compare and check.is_other(task)
             except PlsingError:
                 return None
-            return _Answer(run, loop, Risk(stamp, outcomes, law, pose, outcomes.risk, shakes, is_other))
+            risk = Risk(stamp, outcomes, law, pose, outcomes.risk, shakes, is_other, lacks_path)
+            return _Answer(run, loop, risk)
 
         return answer
 
@@ -298,6 +304,8 @@ class RiskPredictor:
         since = _MEMORY if self._latest is None else (risk.stamp - self._latest.stamp) / _SECOND
         kept = math.exp(-max(since, 0.0) / _MEMORY)
         harmed = np.count_nonzero(risk.outcomes.kind)
+        if self._latest is not None and self._latest.lacks_path and not risk.lacks_path:
+            self._evidence = Evidence()
         if risk.shaking is not None:
             self._shaking = answer.loop, risk.shaking
         if clock.first_speeds[0] < 0.0:

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from plsing_ros.arrays import Array
-from plsing_ros.features import LineObservation
+from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.planning.rollout import LoopModel, RolloutLaw, RolloutTask, guard_loci
+from plsing_ros.planning.rollout import Harm, LoopModel, Outcomes, RolloutLaw, RolloutTask, RunState, guard_loci
 from plsing_ros.singularities import SingularSet
 
 # Steps of one answer, all samples together; with more, the roll-out has longer steps.
@@ -21,6 +21,9 @@ MAX_STEPS = 30_000
 FIRST_STEPS = 8_000
 # Between two frames as long as it is not known [s].
 FRAME_PERIOD = 1.0 / 30.0
+_BY_POSE = ("position", "fused")
+# Samples that see too few lines are drawn nearer at most so often.
+_HALVINGS = 8
 
 
 def rollout_task(
@@ -65,13 +68,22 @@ def rollout_task(
         path_linear_speed=parameters.detour_linear_speed,
         path_angular_speed=parameters.detour_angular_speed,
         horizon=horizon,
-        # What an estimator is off by changes slowly; other poses are taken as good on the whole.
-        pose_error_lasts=seen is not None and bool(seen.lines_source),
+        pose_error_lasts=seen is not None and _error_lasts(law, seen),
     )
     if parameters.line_ends:
         ends = np.reshape(parameters.line_ends, (-1, 2, 3))
     covariances = None if parameters.image_noise > 0.0 else scene_covariances(lines, seen)
     return RolloutTask(lines, target, law, loop, ends, guard_loci(singular), covariances)
+
+
+def _error_lasts(law: RolloutLaw, seen: LineObservation) -> bool:
+    """Return whether what a pose is off by stays: of an estimator it does; others are taken as good on the whole.
+
+    What an estimator cannot tell near a singularity it learns as soon as the camera leaves, and the laws that follow
+    the pose lead it straight away.
+    """
+    leaves = seen.verdict is LinesVerdict.POOR and law.law in _BY_POSE
+    return bool(seen.lines_source) and not leaves
 
 
 def scene_covariances(lines: LineSet, seen: LineObservation | None) -> Array | None:
@@ -89,7 +101,38 @@ def scene_covariances(lines: LineSet, seen: LineObservation | None) -> Array | N
     return np.array([known.get(i, other) for i in lines.ids])
 
 
-def poses_around(pose: Pose, covariance: Array | None, count: int, seed: int) -> list[Pose]:
+def roll_out_around(
+    task: RolloutTask, pose: Pose, covariance: Array | None, count: int, state: RunState, seed: int
+) -> Outcomes:
+    """Return what comes of samples of where a camera may be, which all see the lines that it sees.
+
+    Near a singularity a covariance reaches to where fewer than three lines would be in view now: what is drawn there is
+    drawn again, half as far from the pose, and so on.
+
+    Args:
+        task: The loop, of a camera that sees three lines or more.
+        pose: T_world_camera.
+        covariance: As for poses_around.
+        count: Of samples.
+        state: How far the run is.
+        seed: Of all noise.
+
+    Raises:
+        GeometryError: If the numbers do not make a task.
+    """
+    starts = poses_around(pose, covariance, count, seed)
+    found = task.roll_out(starts, state, seed)
+    for times in range(1, _HALVINGS + 1):
+        unseen = np.flatnonzero((found.kind == Harm.FEW_LINES) & (found.harm_time == 0.0)).tolist()
+        if covariance is None or not unseen:
+            break
+        nearer = poses_around(pose, covariance, count, seed, 0.5**times)
+        again = task.roll_out([nearer[i] for i in unseen], state, seed + times)
+        found = found.replaced(unseen, again)
+    return found
+
+
+def poses_around(pose: Pose, covariance: Array | None, count: int, seed: int, share: float = 1.0) -> list[Pose]:
     """Return samples of where a camera may be.
 
     Args:
@@ -97,10 +140,12 @@ def poses_around(pose: Pose, covariance: Array | None, count: int, seed: int) ->
         covariance: In the world's axes, (position [m], rotation [rad]), shape (6, 6); None: exact.
         count: How many.
         seed: Of the samples.
+        share: Of how far they are from the pose by the covariance.
     """
     if covariance is None or not np.any(covariance):
         return [pose] * count
-    drawn = np.random.default_rng(seed).multivariate_normal(np.zeros(6), covariance, size=count, method="eigh")
+    normal = np.random.default_rng(seed).multivariate_normal(np.zeros(6), covariance, size=count, method="eigh")
+    drawn = share * normal
     turns = Rotation.from_rotvec(drawn[:, 3:]).as_matrix()
     return [
         Pose(turn @ pose.rotation, pose.translation + shift) for turn, shift in zip(turns, drawn[:, :3], strict=True)

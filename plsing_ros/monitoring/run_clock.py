@@ -16,6 +16,8 @@ _SECOND = 1_000_000_000
 _ARRIVED, _ARRIVED_ANGLE, _ARRIVED_TIME = 0.05, math.radians(2.0), 1.0
 # A camera that was not told to move for this long rests: what comes next is another run [ns].
 _REST = _SECOND
+# Standard deviations that the start may be off by.
+_DEVIATIONS = 3.0
 
 
 class RunClock:
@@ -23,7 +25,7 @@ class RunClock:
 
     Attributes:
         start: Stamp of its first features [ns], or None.
-        start_distance: From the target then [m].
+        start_distance: From the target then [m], as far as is known by now.
         first_speeds: (|v|, |omega|) of the law's first command; negative as long as they are not known.
         run: Number of the run; a camera that rests stays in one.
         arrived_for: How long the camera has been within 5 cm and 2 degrees of the target [s].
@@ -43,12 +45,22 @@ class RunClock:
         self._rested = False
         self._arrived_since: int | None = None
         self._moved: int | None = None
+        self._speed = self._gone = self._most = 0.0
 
-    def note_motion(self, stamp: int) -> None:
-        """Take note that the camera was told to move for the features of a stamp [ns]."""
-        self._moved = stamp
+    def note_motion(self, stamp: int, speed: float) -> None:
+        """Take note that the camera was told to move at a speed [m/s] for the features of a stamp [ns]."""
+        if self._moved is not None:
+            self._gone += self._speed * max(stamp - self._moved, 0) / _SECOND
+        self._moved, self._speed = stamp, speed
 
-    def update(self, stamp: int, here: Pose, target: Pose, used: Sequence[int] = (1, 1, 1, 1, 1, 1)) -> float:
+    def update(
+        self,
+        stamp: int,
+        here: Pose,
+        target: Pose,
+        used: Sequence[int] = (1, 1, 1, 1, 1, 1),
+        deviation: float = 0.0,
+    ) -> float:
         """Return the time since the run's start [s].
 
         Args:
@@ -56,6 +68,7 @@ class RunClock:
             here: T_world_camera now.
             target: T_world_camera at the target.
             used: Degrees of freedom that the law controls; along the others the camera is neither near nor far.
+            deviation: Standard deviation of the position here [m].
         """
         distance, angle = distance_between(here, target, used)
         rests = self._moved is None or stamp - self._moved > _REST
@@ -66,9 +79,14 @@ class RunClock:
         self.arrived_for = 0.0 if self._arrived_since is None else (stamp - self._arrived_since) / _SECOND
         if self.start is None or rests or self.arrived_for >= _ARRIVED_TIME or stamp < self.start:
             self.start, self.start_distance, self.first_speeds = stamp, distance, (-1.0, -1.0)
-            self.arrived_for, self._arrived_since = 0.0, None
+            self.arrived_for, self._arrived_since, self._gone = 0.0, None, 0.0
+            self._most = distance + _DEVIATIONS * deviation
             if not (rests and self._rested):
                 self.run += 1
+        if all(used):
+            # Where the first pose was uncertain, a later one tells that the camera cannot have begun so near.
+            gone = self._gone + self._speed * max(stamp - (self._moved or stamp), 0) / _SECOND
+            self.start_distance = max(self.start_distance, min(distance - gone, self._most))
         self._rested = rests
         return (stamp - self.start) / _SECOND
 

@@ -312,7 +312,7 @@ class SingularityMonitor:
             foreseen = (None, None)
         expected = (
             self._indicators.expected(growth, *foreseen)
-            if risk is None
+            if risk is None or risk.lacks_path
             else self._indicators.predicted(risk, stamp, self._describe_motion_at_target)
         )
         is_rolled_out = risk is not None and covariance is not None and parameters.rollout_rules

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -229,6 +230,15 @@ class Outcomes:
     def risk(self) -> float:
         """Share of the samples that come to harm."""
         return float(np.count_nonzero(self.kind)) / len(self.kind)
+
+    def replaced(self, rows: Sequence[int], by: Outcomes) -> Outcomes:
+        """Return these with others in the place of some samples, by their numbers."""
+        values: dict[str, Any] = {}
+        for each in fields(self):
+            if each.name != "steps":
+                values[each.name] = np.array(getattr(self, each.name))
+                values[each.name][list(rows)] = getattr(by, each.name)
+        return Outcomes(**values, steps=self.steps + by.steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,14 @@ from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.risk import RiskPredictor
-from plsing_ros.monitoring.rollout_setup import poses_around, rollout_task
+from plsing_ros.monitoring.rollout_setup import poses_around, roll_out_around, rollout_task
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.parameters.law import LawParameters
 from plsing_ros.parameters.loop import LoopParameters
 from plsing_ros.parameters.task import TaskParameters
 from plsing_ros.parameters.tolerance import ToleranceParameters
-from plsing_ros.planning.rollout import Harm
+from plsing_ros.planning.rollout import Harm, RunState
 from plsing_ros.singularities import singular_set
 
 STEP = SECOND // 30
@@ -125,6 +125,54 @@ def test_samples_of_the_pose_have_its_covariance_in_the_worlds_axes():
     scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     np.testing.assert_allclose(spread / scale, covariance / scale, atol=0.08)
     assert poses_around(START_2, None, 3, 0) == [START_2] * 3
+
+
+def test_samples_see_the_lines_that_the_camera_sees():
+    # 30 m along one direction: most of these cameras would look at nothing.
+    covariance = np.diag([900.0, 1e-6, 1e-6, 1e-8, 1e-8, 1e-8])
+    parameters = parameters_with(camera__half_view=[0.7, 0.7], gain=1.0)
+    law = RiskPredictor().law(parameters)
+    task = rollout_task(SINGULAR, TARGET, law, parameters, 1.0 / 30.0)
+    state = RunState(law.deadline, 100.0)
+    as_drawn = task.roll_out(poses_around(CALM, covariance, 16, 1), state, 1)
+    assert np.count_nonzero((as_drawn.kind == Harm.FEW_LINES) & (as_drawn.harm_time == 0.0)) >= 8
+    found = roll_out_around(task, CALM, covariance, 16, state, 1)
+    assert not np.any((found.kind == Harm.FEW_LINES) & (found.harm_time == 0.0))
+    # The others are those that were drawn.
+    kept = ~((as_drawn.kind == Harm.FEW_LINES) & (as_drawn.harm_time == 0.0))
+    np.testing.assert_array_equal(found.distance[kept], as_drawn.distance[kept])
+
+
+@pytest.mark.parametrize(
+    ("law", "verdict", "source", "lasts"),
+    [
+        ("fused", LinesVerdict.POOR, "filter", False),
+        ("position", LinesVerdict.POOR, "filter", False),
+        ("position", LinesVerdict.OK, "filter", True),
+        ("pinv", LinesVerdict.POOR, "filter", True),
+        ("pinv", LinesVerdict.GIVEN, "", False),
+    ],
+)
+def test_what_an_estimator_learns_on_its_way_does_not_last(law, verdict, source, lasts):
+    seen = LineObservation.of_lines(SCENE.transformed(CALM.inverse(), "camera"))
+    seen = dataclasses.replace(seen, verdict=verdict, lines_source=source)
+    parameters = parameters_with(law=law)
+    task = rollout_task(SINGULAR, TARGET, RiskPredictor().law(parameters), parameters, 0.1, seen)
+    assert task.loop.pose_error_lasts == lasts
+
+
+def test_detour_does_not_alert_by_the_straight_way_before_its_path_is_known():
+    # The robot is far too slow to be there in time.
+    watched = Watched(law="detour", detour__linear_speed=1.0, robot__linear_speed=0.01, gain=1.0, warn__shaking=0.0)
+    start = Pose(LOOK, TARGET.translation + [0.5, -0.5, 0.5])
+    found = watched.see(start)
+    assert found.risk.lacks_path and found.risk.probability > 0.9 and found.level is Level.OK
+    path = [start, Pose(LOOK, TARGET.translation + [0.2, -0.5, 0.5]), TARGET]
+    watched.monitor.receive_path(path)
+    # It is asked for at the next frame, and not a period later.
+    again = watched.see(start)
+    assert again.risk is not found.risk and not again.risk.lacks_path
+    assert again.level is not Level.OK
 
 
 CHANGES = {

@@ -15,7 +15,7 @@ NEAR = Pose(LOOK, TARGET.translation + [0.5, 0.0, 0.0])
 
 def moved(clock, seconds, pose):
     stamp = round(seconds * SECOND)
-    clock.note_motion(stamp)
+    clock.note_motion(stamp, 0.1)
     return clock.update(stamp, pose, TARGET)
 
 
@@ -46,6 +46,22 @@ def test_a_run_is_over_a_second_after_the_arrival_and_not_when_noise_passes_the_
     first = clock.run
     assert moved(clock, 4.2, TARGET) == 0.0
     assert clock.run == first + 1
+
+
+def test_a_start_that_was_poorly_known_is_no_nearer_than_the_camera_can_have_come_from():
+    clock, far = RunClock(), Pose(LOOK, TARGET.translation + [3.0, 0.0, 0.0])
+    clock.note_motion(SECOND, 0.1)
+    clock.update(SECOND, FAR, TARGET, deviation=1.0)
+    moved(clock, 2.0, far)
+    # Seen 3 m away after 0.1 m of motion.
+    assert clock.start_distance == pytest.approx(2.9)
+    moved(clock, 3.0, Pose(LOOK, TARGET.translation + [9.0, 0.0, 0.0]))
+    assert clock.start_distance == pytest.approx(1.0 + 3.0)
+    exact = RunClock()
+    exact.note_motion(SECOND, 0.1)
+    exact.update(SECOND, FAR, TARGET)
+    moved(exact, 2.0, far)
+    assert exact.start_distance == pytest.approx(1.0)
 
 
 def test_distances_are_those_of_the_degrees_of_freedom_in_use():
