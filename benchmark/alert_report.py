@@ -36,11 +36,6 @@ def is_harmless(record: Record) -> bool:
     return not record.harm and record.demand_time is None
 
 
-def stood_still(record: Record) -> bool:
-    """Return whether nothing moved, and the monitor said early enough that the camera sees too little."""
-    return record.speed == 0.0 and is_announced(record.first_blind, record.harm_time, lead_of(record))
-
-
 def wilson(hits: int, total: int) -> tuple[float, float]:
     """Return the 95 % interval of a rate."""
     z, p = 1.96, hits / total
@@ -118,11 +113,6 @@ def _announced(condition: str, records: Sequence[Record]) -> list[str]:
         chosen = [hit for hit, each in zip(hits, harmful, strict=True) if each.harm == kind]
         if chosen:
             lines.append(f"    {kind.name.lower():27} {interval(sum(chosen), len(chosen))}")
-    seen = [hit or stood_still(each) for hit, each in zip(hits, harmful, strict=True)]
-    if seen != hits:
-        lines.append(
-            f"    a camera that stood still, and was said to be blind, counted {interval(sum(seen), len(seen))}"
-        )
     said = [is_announced(each.first_alert, each.demand_time or 0.0, lead_of(each)) for each in demanding]
     lines.append(f"  demand announced early enough {interval(sum(said), len(said))}")
     return lines

@@ -7,6 +7,7 @@ import dataclasses
 import json
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from benchmark.alert_settings import (
     monitor_parameters,
     with_other_errors,
 )
-from benchmark.servo_conditions import HALF_VIEW, ROBOT_LIMITS, Camera, Frame, view_of
+from benchmark.servo_conditions import HALF_VIEW, ROBOT_LIMITS, Camera, view_of
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation
@@ -29,6 +30,7 @@ from plsing_ros.monitoring.risk import Risk
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.rollout import Harm, RolloutLaw
+from plsing_ros.pose import Verdict
 from plsing_ros.pose.pose_tracker import PoseTracker
 
 _SECOND = 1_000_000_000
@@ -42,7 +44,20 @@ _ROUNDING = 1.0 + 1e-9
 # As the node publishes a path.
 _PATH_POSES = 100
 _ALERTS = (Level.WARN, Level.CRITICAL)
-_BLIND = (Level.STALE, Level.UNOBSERVABLE)
+
+
+class _Sight(NamedTuple):
+    """What controller and monitor hear of a frame.
+
+    Attributes:
+        observation: Image lines, with 3-D lines where a pose is known.
+        T_world_camera: The pose on camera_pose, or None if none comes.
+        covariance: Of that pose, in the scene's axes, shape (6, 6).
+    """
+
+    observation: LineObservation
+    T_world_camera: Pose | None
+    covariance: np.ndarray | None
 
 
 @dataclass
@@ -63,8 +78,6 @@ class Record:
         scores: Of each simpler detector: (time, score) where it rose to a new maximum.
         changes: Of the level.
         frames: In all.
-        first_blind: When the level was STALE or UNOBSERVABLE first [s], or None: no pose could be found.
-        speed: The largest that was commanded, |v| in m/s or |omega| in rad/s.
         true_share: Share of other runs of the same task that come to harm, or None.
     """
 
@@ -88,8 +101,6 @@ class Record:
     scores: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
     changes: int = 0
     frames: int = 0
-    first_blind: float | None = None
-    speed: float = 0.0
     true_share: float | None = None
 
     def line(self) -> str:
@@ -206,15 +217,11 @@ class _Run:
     def _cycle(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Return what the law asks for and what is commanded in one frame; the monitor is asked before."""
         stamp = _SECOND + round(time * _SECOND)
-        frame = self._frame(stamp)
+        sight = self._sight(stamp)
         if self._monitor is not None:
-            self._note(self._assessment(frame, stamp), time)
+            self._note(self._assessment(sight, stamp), time)
         try:
-            command = (
-                self._controller.halt("no pose")
-                if frame is None
-                else self._controller.answer(frame.observation, stamp, stamp)
-            )
+            command = self._controller.answer(sight.observation, stamp, stamp)
         except PlsingError as error:
             command = self._controller.halt(str(error))
         if self._monitor is not None and self._controller.plan is not self._plan:
@@ -227,23 +234,19 @@ class _Run:
             self._tracker.receive_twist(twist, stamp)
         if self._monitor is not None and self._record is not None:
             self._monitor.receive_twist(twist, stamp)
-            self._record.speed = max(self._record.speed, float(np.linalg.norm(twist.reshape(2, 3), axis=1).max()))
             self._score("commanded speed", time, float(np.linalg.norm(twist[:3])))
             if time - self._looked >= _VISIBILITY_PERIOD:
                 self._looked = time
                 self._score("visibility margin (CBF)", time, self._visibility(twist))
         return asked, twist
 
-    def _assessment(self, frame: Frame | None, stamp: int) -> Assessment | None:
+    def _assessment(self, sight: _Sight, stamp: int) -> Assessment | None:
         monitor = self._monitor
         assert monitor is not None
-        if frame is None:
-            # Without a pose pose_estimator publishes nothing.
-            return monitor.silence(stamp)
         try:
-            R = np.kron(np.eye(2), frame.T_world_camera.rotation)
-            monitor.receive_pose(frame.T_world_camera, stamp, R @ frame.covariance @ R.T)
-            return monitor.answer(frame.observation, stamp, stamp)
+            if sight.T_world_camera is not None:
+                monitor.receive_pose(sight.T_world_camera, stamp, sight.covariance)
+            return monitor.answer(sight.observation, stamp, stamp)
         except PlsingError as error:
             return monitor.unusable(str(error), stamp)
 
@@ -258,8 +261,6 @@ class _Run:
         record.changes += bool(record.frames) and level != self._level
         record.frames += 1
         self._level = level
-        if record.first_blind is None and assessment.level in _BLIND:
-            record.first_blind = time
         if assessment.level in _ALERTS:
             record.alert_share += 1.0
             if record.first_alert is None:
@@ -280,19 +281,21 @@ class _Run:
         if math.isfinite(score) and (not noted or score > noted[-1][1]):
             noted.append((time, score))
 
-    def _frame(self, stamp: int) -> Frame | None:
+    def _sight(self, stamp: int) -> _Sight:
         lines, covariances, seen = self._camera.image(self._pose)
         if self._setting.missing > 0.0:
             seen = seen & (self._rng.random(len(seen)) >= self._setting.missing)
         if self._tracker is None:
-            return self._camera.completed(lines, covariances, seen, *self._camera.pose(self._pose))
+            frame = self._camera.completed(lines, covariances, seen, *self._camera.pose(self._pose))
+            R = np.kron(np.eye(2), frame.T_world_camera.rotation)
+            return _Sight(frame.observation, frame.T_world_camera, R @ frame.covariance @ R.T)
         image = LineObservation(self._setting.task.map.ids, lines * seen[:, np.newaxis], seen, covariances=covariances)
         tracked = self._tracker.track(image, stamp, stamp)
-        pose = tracked.estimate.T_world_camera
-        if tracked.completed is None or pose is None:
-            return None
-        R = np.kron(np.eye(2), pose.rotation)
-        return Frame(tracked.completed, pose, R.T @ tracked.estimate.covariance @ R)
+        estimate = tracked.estimate
+        # As pose_estimator publishes them.
+        is_published = estimate.verdict is not Verdict.AMBIGUOUS
+        pose = estimate.T_world_camera if is_published else None
+        return _Sight(tracked.completed or image, pose, None if pose is None else estimate.covariance)
 
     def _visibility(self, motion: np.ndarray) -> float:
         """Return how much the barrier condition h' + h / 1 s >= 0 is violated; h is the third largest margin."""

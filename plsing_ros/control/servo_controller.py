@@ -470,9 +470,8 @@ def _common(observation: LineObservation, target: Target) -> tuple[LineSet, Arra
     ids = observation.usable_ids
     if seen is None:
         if ids:
-            raise ObservationError(
-                "features have no 3-D lines (directions and moments are empty), which the interaction matrix needs"
-            )
+            why = observation.verdict_reason or "directions and moments are empty"
+            raise ObservationError(f"features have no 3-D lines ({why}), which the interaction matrix needs")
         raise ObservationError("none of the observed lines is usable")
     rows = [row for row, i in enumerate(ids) if i in target]
     if len(rows) < MINIMUM_LINES:

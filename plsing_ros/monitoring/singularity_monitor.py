@@ -16,6 +16,7 @@ from plsing_ros.errors import ObservationError, PlsingError
 from plsing_ros.features import (
     Conditioning,
     LineObservation,
+    LinesVerdict,
     checked_observation,
     decompose,
     interaction_conditioning,
@@ -49,6 +50,8 @@ _SECOND = 1_000_000_000
 # How far ahead the closest approach is looked for, at least [s].
 _LOOK_AHEAD = 10.0
 _DISABLED = "switched off by ~/enable"
+# Kind of an alert.
+_NO_POSE = "no pose"
 
 
 class SingularityMonitor:
@@ -98,6 +101,7 @@ class SingularityMonitor:
         self._refused_as = Level.STALE
         self._held: Assessment | None = None
         self._missing = 0
+        self._blind_since: int | None = None
         self._check = ConsistencyCheck(None)
         self._T_world_target: Pose | None = None
         self._motion_at_target: str | None = None
@@ -175,6 +179,7 @@ class SingularityMonitor:
     def _set_target(self, target: MonitoredTarget | None, T_world_target: Pose | None) -> None:
         self._target, self._T_world_target = target, T_world_target
         self._motion_at_target = None
+        self._blind_since = None
         self._prediction.restart()
         self._risk.restart()
 
@@ -282,7 +287,7 @@ class SingularityMonitor:
             pose, source = locate(singular.lines, lines, told)
         except ObservationError as error:
             return self.unusable(str(error), stamp)
-        self._missing = 0
+        self._missing, self._blind_since = 0, None
         numbers = interaction_conditioning(lines, parameters.characteristic_length)
         ruling = self._ruling(numbers)
         target_inverse, target_image = NOT_KNOWN if self._target is None else self._target.at(lines.ids)
@@ -424,14 +429,31 @@ class SingularityMonitor:
         return kept, f"; {left_out_text(unknown)}"
 
     def _hold_or_refuse(self, reason: str, stamp: int, observation: LineObservation) -> Assessment:
-        """Return what was said last while lines are missing for a few frames, else UNOBSERVABLE."""
+        """Return what was said last while lines or the pose are missing for a few frames, else UNOBSERVABLE.
+
+        CRITICAL once the camera has seen lines for long and no pose was found: the robot stands still.
+        """
         self._missing += 1
         held, missing = self._held, self._missing
-        if held is None or observation.lines_camera is None or missing >= self._parameters.dropout_cycles:
-            return self.unusable(reason, stamp)
+        blind = self._blind_for(observation, stamp)
+        has_source = observation.lines_camera is not None or observation.verdict is not LinesVerdict.GIVEN
+        if held is None or not has_source or missing >= self._parameters.dropout_cycles:
+            refused = self.unusable(reason, stamp)
+            if not 0.0 < self._parameters.no_pose_timeout <= blind:
+                return refused
+            words = f"not on its way to the target: lines are seen, but no pose for {blind:.1f} s; {reason}"
+            return refused._replace(level=Level.CRITICAL, explain=lambda: words, kind=_NO_POSE)
         return held._replace(
             stamp=stamp, explain=lambda: f"{held.reason}; held for {missing} frame(s), in which {reason}"
         )
+
+    def _blind_for(self, observation: LineObservation, stamp: int) -> float:
+        """Return since when a camera that has a target sees lines without their 3-D lines [s]; 0: it does not."""
+        if self._blind_since is None:
+            if observation.lines_camera is not None or len(observation.usable_ids) < MINIMUM_LINES:
+                return 0.0
+            self._blind_since = stamp
+        return 0.0 if self._target is None else (stamp - self._blind_since) / _SECOND
 
     def assess_pose(self, T_world_camera: Pose) -> Assessment:
         """Return what a camera that sees all lines of the scene would be told at a pose; nothing else is changed by it.
@@ -490,7 +512,10 @@ class SingularityMonitor:
             return self._disabled(now)
         self._follow_clock(now)
         reason = self._stamp_filter.silence(now)
-        return None if reason is None else self._unknown(self._silence_level(), reason, now)
+        if reason is None:
+            return None
+        self._blind_since = None
+        return self._unknown(self._silence_level(), reason, now)
 
     def _silence_level(self) -> Level:
         """Return the level of a silence: that of the messages which come and are refused, if any do."""
@@ -523,13 +548,15 @@ class SingularityMonitor:
         """Drop everything stamped by a clock that has since jumped back."""
         if self._stamp_filter.follow_clock(now):
             self._position.forget()
+            self._blind_since = None
             self._prediction.restart()
             self._risk.restart()
             self._forget()
 
     def _usable_lines(self, observation: LineObservation) -> LineSet:
         if observation.lines_camera is None and observation.usable_ids:
-            raise ObservationError("features have no 3-D lines (directions and moments are empty)")
+            why = observation.verdict_reason or "directions and moments are empty"
+            raise ObservationError(f"features have no 3-D lines ({why})")
         if observation.lines_camera is None or len(observation.lines_camera) < MINIMUM_LINES:
             raise ObservationError(
                 f"{len(observation.usable_ids)} of {len(observation.ids)} lines are usable "

@@ -39,8 +39,9 @@ _DIAGNOSTIC_LEVELS = {
 
 
 class PoseEstimatorNode(ParameterizedNode[PoseEstimatorParameters]):
-    """Answers each line_features with ~/state, and with camera_pose and completed_line_features where there is a pose.
+    """Answers each line_features with ~/state and completed_line_features, and with camera_pose where there is a pose.
 
+    Features without a pose carry the reason alone, so that controller and monitor know that features come.
     A pose that another one is as plausible as is not published on camera_pose; the features completed with it carry
     the verdict, which the controller and the monitor act on.
     """

@@ -95,7 +95,7 @@ _MONITORED = {
         _GROWTH,
         rises=True,
     ),
-    "risk": _Monitored("risk", 0.75, 0.9, "when the probability of harm is above this", _RATIO, rises=True),
+    "risk": _Monitored("risk", 0.72, 0.9, "when the probability of harm is above this", _RATIO, rises=True),
     "demand": _Monitored(
         "demand",
         1.0,
@@ -218,6 +218,15 @@ class MonitorParameters(LoopParameters):
         unit="s",
         minimum=1e-3,
         maximum=60.0,
+    )
+    no_pose_timeout: float = parameter(
+        2.0,
+        "no_pose_timeout",
+        "CRITICAL when the target is known and lines have been seen for this time, but without 3-D lines: the camera "
+        "is not on its way; 0 switches it off",
+        unit="s",
+        minimum=0.0,
+        maximum=1000.0,
     )
     pose_tolerance: float = parameter(
         0.1,

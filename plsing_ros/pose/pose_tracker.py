@@ -30,7 +30,8 @@ class TrackedPose:
 
     Attributes:
         estimate: The pose, with how far it can be trusted.
-        completed: The image lines with their 3-D lines at that pose, carrying the verdict; None if FAILED.
+        completed: The image lines with their 3-D lines at that pose, carrying the verdict; without 3-D lines where no
+            pose was found, and None where there is no image to speak of.
     """
 
     estimate: PoseEstimate
@@ -91,7 +92,7 @@ class PoseTracker:
         estimate = self._estimate(observation, stamp)
         if estimate.T_world_camera is None:
             self._stamp_filter.note_problem(estimate.reason)
-            return TrackedPose(estimate, None)
+            return TrackedPose(estimate, _without_lines(observation, estimate.reason))
         completed = lift_lines(self._estimator.lines, estimate, observation)
         verdict = _LINES_VERDICTS[estimate.verdict]
         completed = dataclasses.replace(
@@ -162,3 +163,10 @@ class PoseTracker:
             parameters.max_linear_speed * seconds + _DEVIATIONS * last.position_deviation,
             parameters.max_angular_speed * seconds + _DEVIATIONS * last.rotation_deviation,
         )
+
+
+def _without_lines(observation: LineObservation, reason: str) -> LineObservation:
+    """Return image lines for which no pose was found: whoever waits for 3-D lines learns that none come, and why."""
+    return dataclasses.replace(
+        observation, lines_camera=None, verdict=LinesVerdict.POOR, verdict_reason=f"no pose: {reason}"
+    )

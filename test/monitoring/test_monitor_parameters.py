@@ -378,6 +378,17 @@ def missing_lines_are_waited_for(rig):
     assert see_two().level is Level.UNOBSERVABLE
 
 
+def a_pose_is_waited_for(rig):
+    def see_without_pose():
+        rig.now += STEP
+        image = LineObservation.of_lines(rig.scene.transformed(HERE.inverse(), "camera"))
+        return rig.monitor.answer(replace(image, lines_camera=None), rig.now, rig.now)
+
+    assert [see_without_pose().level for _ in range(3)] == [Level.UNOBSERVABLE] * 3
+    rig.set({"no_pose_timeout": 0.1})
+    assert see_without_pose().level is Level.CRITICAL
+
+
 def poses_off_are_tolerated(rig):
     off = Pose(HERE.rotation, HERE.translation + [0.1, 0.0, 0.0])
     seen = LineObservation.of_lines(SCENE.transformed(off.inverse(), "camera"))
@@ -397,6 +408,7 @@ EFFECTS = {
     "prediction.controller": law_rolled_out,
     "prediction.period": answers_come_more_often,
     "debounce.dropout": missing_lines_are_waited_for,
+    "no_pose_timeout": a_pose_is_waited_for,
     "tolerance.position": poses_off_are_tolerated,
     "lines.points": scene_moved,
     "lines.directions": scene_turned,

@@ -49,13 +49,15 @@ def test_the_verdict_and_its_reason_travel_with_the_completed_features():
     assert uncertain.completed.verdict_reason == uncertain.estimate.reason != ""
 
 
-def test_without_a_pose_there_are_no_features():
+def test_without_a_pose_the_image_goes_on_without_3d_lines_and_says_why():
     few = seen_from(CALM)
     few = dataclasses.replace(few, usable=np.array([True, True, False, False]))
     tracked = PoseTracker(parameters()).track(few, SECOND, SECOND)
     assert tracked.estimate.verdict is Verdict.FAILED
     assert "2 usable line(s)" in tracked.estimate.reason
-    assert tracked.completed is None
+    assert tracked.completed.lines_camera is None and tracked.completed.usable_ids == few.usable_ids
+    assert tracked.completed.verdict is LinesVerdict.POOR
+    assert tracked.completed.verdict_reason == f"no pose: {tracked.estimate.reason}"
 
 
 @pytest.mark.parametrize(
@@ -131,7 +133,7 @@ def test_the_filter_says_that_it_is_lost_and_finds_a_camera_that_has_jumped():
     for k in range(2, 12):
         tracked = tracking.track(seen_from(far), SECOND + k * frame, SECOND + k * frame)
         verdicts.append(tracked.estimate.verdict)
-        assert (tracked.completed is None) == (tracked.estimate.verdict is Verdict.LOST)
+        assert (tracked.completed.lines_camera is None) == (tracked.estimate.verdict is Verdict.LOST)
     assert verdicts[0] is Verdict.LOST and verdicts[-1] is Verdict.OK
     assert tracked.estimate.T_world_camera.translation == pytest.approx(far.translation, abs=1e-4)
 

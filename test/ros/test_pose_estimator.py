@@ -91,7 +91,11 @@ def test_features_that_give_no_pose_are_answered_with_the_reason_only(loop, spoi
     assert words in state.reason
     loop.ros.spin_for(0.1)
     assert not loop.poses
-    assert not loop.completed
+    # What is an image all the same goes on without 3-D lines, and says why.
+    for completed in loop.completed:
+        assert not completed.directions and not completed.moments
+        assert completed.lines_reason == f"no pose: {state.reason}"
+    assert bool(loop.completed) == (words == "2 usable line(s)")
     assert loop.state_of(CALM).verdict == PoseEstimate.VERDICT_OK
 
 
