@@ -30,6 +30,9 @@ _POINTS_PER_INDEPENDENT = 4.0
 # Faces are shrunk by this [px], as what is behind an object moves with it at its rim.
 _RIM = 6
 _APART = 6  # points from each other [px]
+_BLOCK = 5  # side of what is looked at to find a corner [px]
+# Of the smaller eigenvalue of the squared gradients that noise alone has: less is no corner.
+_MIN_CORNER = 3.0
 # A point moves by this share towards where its ray meets its face now, as the pose at which it was taken was not exact.
 _SETTLING = 0.2
 _MIN_SHARE = 0.4  # of the points must agree
@@ -146,7 +149,9 @@ class FacePoints:
             pose, own + self._covariance, points[agree], pixels[agree], self._triangles[kept][agree], share
         )
 
-    def anchor(self, image: Image, followed: PointPose | None, pose: Pose, covariance: Array, take: bool) -> None:
+    def anchor(
+        self, image: Image, followed: PointPose | None, pose: Pose, covariance: Array, take: bool, noise: float
+    ) -> None:
         """Fix the points to the pose of an image.
 
         Args:
@@ -155,6 +160,7 @@ class FacePoints:
             pose: T_camera_model by all cues.
             covariance: Of a motion of the model in the camera frame, shape (6, 6).
             take: Take new corners where there are too few; the pose must be a good one.
+            noise: Standard deviation of the image's noise [grey levels].
         """
         self._image = image
         self._covariance = covariance
@@ -169,7 +175,7 @@ class FacePoints:
             self._pixels = np.ascontiguousarray(followed.pixels[good], dtype=np.float32)
             self._triangles = followed.triangles[good]
         if take and self.is_worn:
-            pixels, triangles = self._corners(image, pose)
+            pixels, triangles = self._corners(image, pose, noise)
             points, good = self._on_faces(pixels, triangles, pose)
             self._points = np.vstack([self._points, points])
             self._pixels = np.vstack([self._pixels, pixels[good]])
@@ -189,7 +195,9 @@ class FacePoints:
         points: Array = center + depth[:, np.newaxis] * rays[good]
         return points, good
 
-    def _corners(self, image: Image, T_camera_model: Pose) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int_]]:
+    def _corners(
+        self, image: Image, T_camera_model: Pose, noise: float
+    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int_]]:
         """Return the pixels of new corners on the faces, and which triangles they lie on."""
         nothing = np.empty((0, 2), dtype=np.float32), np.empty(0, dtype=int)
         vertices = self._model.vertices @ T_camera_model.rotation.T + T_camera_model.translation
@@ -210,9 +218,11 @@ class FacePoints:
         for x, y in np.round(self._pixels - (left, top)).astype(int):
             self._cv.circle(inside, (int(x), int(y)), _APART, 0, -1)
         room = _MAX_POINTS - len(self._points)
-        found = self._cv.goodFeaturesToTrack(
-            np.ascontiguousarray(image[top:bottom, left:right]), room, 0.02, _APART, mask=inside, blockSize=5
-        )
+        part = np.ascontiguousarray(image[top:bottom, left:right])
+        # OpenCV's gradients are Sobel's, with 12 times the variance of noise, divided by 4 * 255 and the block's side.
+        least = _MIN_CORNER * 12.0 * (noise / (4.0 * 255.0)) ** 2
+        inside[self._cv.cornerMinEigenVal(part, _BLOCK) < least] = 0
+        found = self._cv.goodFeaturesToTrack(part, room, 0.02, _APART, mask=inside, blockSize=_BLOCK)
         if found is None:
             return nothing
         seen = found.reshape(-1, 2)

@@ -58,6 +58,7 @@ _MIN_SHARE = 0.1  # of the variance that is claimed
 _LEARNING = 0.1
 _MIN_SHARE_OF_USUAL = 0.85  # of the excess that images had until now: less, and something is in the way, or wrong
 _MAX_SCALE = 1.3  # of residuals, beyond which edges contradict each other
+_MIN_SHARE_IF_CONTRADICTED = 0.93  # as _MIN_SHARE_OF_USUAL, where they do and no points confirm the pose
 _NOTHING: Array = np.zeros((6, 6))
 
 
@@ -277,6 +278,10 @@ class LineTracker:
         if fit is None or fit.excess < needed:
             share = 0.0 if fit is None else fit.support
             return self._lost(f"the image explains {share:.0%} of the visible edges")
+        contradicted = f"the edges fit one pose {fit.scale:.1f} times worse than each fits its line"
+        least = _MIN_SHARE_IF_CONTRADICTED * (self._usual or 0.0)
+        if points is None and fit.scale > _MAX_SCALE and fit.excess < least:
+            return self._lost(f"{contradicted}, and the image explains fewer than until now: {fit.support:.0%}")
         share = self._share(fit)
         # What nothing is known about is very uncertain, and not infinitely.
         little = 1e-12 * float(np.trace(fit.information)) + 1e-9
@@ -286,7 +291,7 @@ class LineTracker:
         if not deviation < self.model.radius:
             return self._lost(f"the edges leave the position uncertain by {deviation:.2g} m")
         self._losses = 0
-        state, reason = self._verdict(fit, deviation, _FOUND_EXCESS if found else _GOOD_EXCESS)
+        state, reason = self._verdict(fit, deviation, _FOUND_EXCESS if found else _GOOD_EXCESS, contradicted)
         self._last = pose
         if state is TrackingState.TRACKING:
             self._trusted = pose
@@ -297,7 +302,11 @@ class LineTracker:
             self._contrast[rows] = np.where(before == 0.0, contrast, 0.7 * before + 0.3 * contrast)
         if self._points is not None:
             growth = 1.0 if fit.by_points_alone else _FORGETTING
-            self._points.anchor(image, points, pose, growth * covariance, fit.excess >= _GOOD_EXCESS)
+            self._points.anchor(image, points, pose, growth * covariance, fit.excess >= _GOOD_EXCESS, self._noise)
+        # Lines that contradict each other are not off by noise: wrong ones move a pose by more than their scatter says.
+        # Points know how it moved all the same.
+        contradiction = max(1.0, fit.scale) ** 2
+        covariance = contradiction * covariance
         T_world_camera = pose.inverse()
         turn = T_world_camera.rotation
         to_scene = np.zeros((6, 6))
@@ -307,7 +316,7 @@ class LineTracker:
             reason,
             T_world_camera,
             to_scene @ covariance @ to_scene.T,
-            self._observation(fit, good, share),
+            self._observation(fit, good, contradiction**2 * share),
             fit.support,
             fit.chance,
             0 if points is None else len(points.points),
@@ -321,7 +330,7 @@ class LineTracker:
         if fit is not None and fit.excess < enough and self._moved(predicted, fit.T_camera_model) > _RANGES[0]:
             # Searched widely, other things are found, too, and other sides of the object.
             return enough, True
-        return (_GOOD_EXCESS, True) if self._losses else (_MIN_EXCESS, False)
+        return _GOOD_EXCESS, self._losses > 0
 
     def _is_better(self, predicted: Pose, other: _Fit, fit: _Fit) -> bool:
         """Return whether edges alone explain more, and enough to be a pose."""
@@ -339,6 +348,10 @@ class LineTracker:
 
         Source: the variance of M-estimates (Huber 1981) over recent images, or of this one where it is larger.
         """
+        if fit.by_points_alone:
+            # These residuals are those of the points' pose as well.
+            self._measure = max(self._squares / self._freedom / _SHOWN**2, _MIN_SHARE)
+            return self._measure
         if fit.scale < _MAX_SCALE:
             self._squares = _REMEMBERED * self._squares + fit.squares
             self._freedom = _REMEMBERED * self._freedom + fit.freedom
@@ -349,7 +362,7 @@ class LineTracker:
         self._measure = max(variance / (_SHOWN * max(fit.scale, 1.0)) ** 2, _MIN_SHARE)
         return self._measure
 
-    def _verdict(self, fit: _Fit, deviation: float, good: float) -> tuple[TrackingState, str]:
+    def _verdict(self, fit: _Fit, deviation: float, good: float, contradicted: str) -> tuple[TrackingState, str]:
         other = self._alternative(fit)
         if other is not None:
             degrees = math.degrees(angle_between(other, fit.T_camera_model))
@@ -364,7 +377,7 @@ class LineTracker:
                 f"the image explains {fit.support:.0%} of the visible edges, fewer than until now",
             )
         if fit.scale > _MAX_SCALE:
-            return TrackingState.WEAK, f"the edges fit one pose {fit.scale:.1f} times worse than each fits its line"
+            return TrackingState.WEAK, contradicted
         if deviation > _MAX_DEVIATION * self.model.radius:
             return TrackingState.WEAK, f"the edges leave the position uncertain by {deviation:.2g} m"
         return TrackingState.TRACKING, ""

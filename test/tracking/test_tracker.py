@@ -59,6 +59,16 @@ def test_edges_that_contradict_each_other_are_said_to():
     assert result.state == TrackingState.TRACKING
 
 
+@pytest.mark.parametrize(("patches", "noise", "followed_points"), [(0, 3.0, False), (0, 8.0, False), (25, 8.0, True)])
+def test_noise_on_a_plain_face_is_no_texture(patches, noise, followed_points):
+    """Its corners are elsewhere in each image, and a pose by them would contradict the edges."""
+    drawing, random = renderer(patches=patches, background=0.02), np.random.default_rng(3)
+    images = [drawing.render(orbit(k).inverse(), noise, random) for k in range(4)]
+    results = followed(LineTracker(box(), CAMERA), images, orbit(0))
+    assert [each.point_count > 0 for each in results[1:]] == 3 * [followed_points]
+    assert all(each.state == TrackingState.TRACKING for each in results)
+
+
 def test_hidden_edges_are_those_that_a_ray_does_not_reach():
     corners = box(0.1, 0.1, 0.1)
     near = 0.4 * corners.vertices + [0.12, 0.02, 0.03]
