@@ -26,7 +26,7 @@ import numpy as np
 
 from benchmark.four_motions import MOTIONS, draw_motion
 from benchmark.rivals import RIVALS
-from benchmark.servo_conditions import CONDITIONS, NOMINAL, Condition, ServoTask, draw_task
+from benchmark.servo_conditions import CONDITIONS, HALF_VIEW, NOMINAL, Condition, ServoTask, draw_task
 from benchmark.servo_loop import Contender, Outcome, run
 
 SEED = 1
@@ -51,7 +51,7 @@ CONTENDERS = {
     "pinv, adaptive gain, threshold": Contender("pinv", {"pinv_threshold": 1e-3}),
     "dls": Contender("dls"),
     "guarded": Contender("guarded"),
-    "detour": Contender("detour"),
+    "detour": Contender("detour", {"camera.half_view": [HALF_VIEW, HALF_VIEW]}),
     "position": Contender("position"),
     "fused": Contender("fused"),
     **{name: Contender(name) for name in RIVALS},

@@ -62,10 +62,12 @@ class PoseErrors(NamedTuple):
     Attributes:
         covariance: In one frame, in the camera's axes, shape (6, 6).
         independent: Whether the errors of one frame are independent of the next one's; those of a filter are not.
+        of_image: Whether the pose is that which the image of the same frame shows, and no more.
     """
 
     covariance: Array
     independent: bool
+    of_image: bool = False
 
 
 class PoseLaws:

@@ -15,7 +15,7 @@ from plsing_ros.control.gate import StatusGate
 from plsing_ros.control.gate_exit import leave
 from plsing_ros.control.latency import FeatureAge
 from plsing_ros.control.pose_laws import PoseErrors
-from plsing_ros.control.servo_cycle import ServoCycle
+from plsing_ros.control.servo_cycle import ServoCycle, known_pose
 from plsing_ros.errors import GeometryError, ObservationError, PlsingError
 from plsing_ros.features import LineObservation, LinesVerdict, checked_observation
 from plsing_ros.features.consistency import ConsistencyCheck, left_out_text
@@ -95,6 +95,7 @@ class ServoController:
         self._check = ConsistencyCheck(None)
         self._seen: LineSet | None = None
         self._poses = ReceivedPoses()
+        self._errors: PoseErrors | None = None
         self._age = FeatureAge()
         self._estimator: PoseEstimator | None = None
         self._stamp_filter = StampFilter(
@@ -163,6 +164,11 @@ class ServoController:
         return None if self._cycle is None else self._cycle.plan
 
     @property
+    def law(self) -> str:
+        """The law in force: the parameter's, but `fused` where detour goes straight by the pose."""
+        return self.parameters.law if self._cycle is None else self._cycle.law
+
+    @property
     def unchecked(self) -> str:
         """What could not be checked about the latest features, in words, or ""."""
         return "" if self._checked is None else self._check.unchecked(self._checked)
@@ -212,7 +218,8 @@ class ServoController:
                 "where the camera is now is not known: no usable features yet, or they do not fit the scene"
             )
         options = detour_options(self.parameters)
-        return self._planner.ask(check_target, self._loci.singular_set, start, target, options)
+        known = known_pose(self.parameters, self._errors)
+        return self._planner.ask(check_target, self._loci.singular_set, start, target, options, known)
 
     def step(self, observation: LineObservation, time: float, pose: Pose | None = None) -> Command:
         """Return the command for an observation that is made now; whatever is wrong with it is the command's reason.
@@ -282,8 +289,8 @@ class ServoController:
         lines, image = _common(observation, cycle.target)
         self._seen = lines
         trust = parameters.slow_scale if reaction == "slow" else 1.0
-        errors = self._pose_errors(observation, lines, told)
-        command = cycle.command(lines, image, trust, stamp, _covariances(observation, lines.ids), errors)
+        self._errors = self._pose_errors(observation, lines, told)
+        command = cycle.command(lines, image, trust, stamp, _covariances(observation, lines.ids), self._errors)
         if closed is not None:
             self._pause()
             command = leave(command, lines, closed)
@@ -335,7 +342,8 @@ class ServoController:
             # Of the same estimator, whose covariance changes slowly.
             latest = told or self._poses.latest
             covariance = None if latest is None else latest.covariance_camera()
-            return None if covariance is None else PoseErrors(covariance, False)
+            of_image = observation.lines_source == "image"
+            return None if covariance is None else PoseErrors(covariance, False, of_image)
         if self.parameters.law not in _BY_POSE:
             return None
         covariance = None if told is None else told.covariance_camera()

@@ -37,6 +37,7 @@ from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_follower import Reference
 from plsing_ros.planning.path_tracker import PathTracker
 from plsing_ros.planning.planner import Planner
+from plsing_ros.planning.straight_way import KnownPose
 from plsing_ros.singularities.scene_loci import SceneLoci
 
 # Why the camera stands still while a path is being planned.
@@ -97,6 +98,12 @@ class ServoCycle:
         """The path that is followed, or was refused; None without one."""
         return None if self._path is None else self._path.plan
 
+    @property
+    def law(self) -> str:
+        """The law in force: detour goes straight by the pose as fused does."""
+        by_pose = self.parameters.law == "detour" and self._path is not None and self._path.goes_by_pose
+        return "fused" if by_pose else self.parameters.law
+
     def twist_covariance(self) -> Array:
         """Return the covariance of the latest twist by the errors of its frame, shape (6, 6); zeros at rest."""
         return np.zeros((6, 6)) if self._spread is None else self._speed**2 * self._spread()
@@ -142,28 +149,38 @@ class ServoCycle:
                 return self._within_limits(lines, *plain, None, trust, stamp)
         with _may_overflow():
             if parameters.law == "detour":
-                return self._along_the_path(lines, image, trust, stamp)
+                return self._along_the_path(lines, image, covariances, pose, trust, stamp)
             if parameters.law in ("position", "fused"):
                 return self._by_pose(lines, image, covariances, pose, trust, stamp)
             return self._servo(lines, image, None, None, trust, stamp)
 
-    def _along_the_path(self, lines: LineSet, image: Array, trust: float, stamp: int) -> Command:
+    def _along_the_path(
+        self,
+        lines: LineSet,
+        image: Array,
+        covariances: Array | None,
+        pose: PoseErrors | None,
+        trust: float,
+        stamp: int,
+    ) -> Command:
         if self._path is None:
             raise ObservationError("the law detour needs the scene and a target with 3-D lines that fit it")
-        found = self._path.reference(self.parameters, lines, image, stamp, self._factor)
+        known = known_pose(self.parameters, pose)
+        found = self._path.reference(self.parameters, lines, image, stamp, self._factor, known)
+        if self._path.goes_by_pose:
+            return self._by_pose(lines, image, covariances, pose, trust, stamp)
         if found is None:
             self._factor, self._spread = 0.0, None
             if self._path.is_planning:
                 return Command(Mode.HALTED, PLANNING)
             return Command(Mode.REFUSED, "" if self.plan is None else self.plan.reason)
-        reference, pose = found
+        reference, here = found
         rows = [row for row, i in enumerate(lines.ids) if i in reference.target]
         if len(rows) < MINIMUM_LINES:
             raise ObservationError(f"only {len(rows)} line(s) have an image both here and on the path")
         there = image.reshape(-1, 3)[rows].ravel()
-        covariances, errors = self._errors
-        self._errors = (None if covariances is None else covariances[rows]), errors
-        return self._servo(lines.select(rows), there, reference, reference.displacement(pose), trust, stamp)
+        self._errors = (None if covariances is None else covariances[rows]), pose
+        return self._servo(lines.select(rows), there, reference, reference.displacement(here), trust, stamp)
 
     def _by_pose(
         self,
@@ -316,6 +333,13 @@ class ServoCycle:
             f"with an error norm of {error_norm:.3g}: a local minimum, or a target that no camera pose reaches; "
             f"inverse condition number {smallest_over_largest(values):.3g}{near}"
         )
+
+
+def known_pose(parameters: ControllerParameters, errors: PoseErrors | None) -> KnownPose | None:
+    """Return how well the pose is known beside the image, so that detour may go straight by it, or None."""
+    if errors is None or errors.of_image:
+        return None
+    return KnownPose.of_parameters(parameters, errors.covariance, not errors.independent)
 
 
 def _may_overflow() -> np.errstate:

@@ -6,13 +6,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from plsing_ros.arrays import Array
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.planning.rollout import Harm, LoopModel, Outcomes, RolloutLaw, RolloutTask, RunState, guard_loci
+from plsing_ros.planning.rollout import (
+    Harm,
+    LoopModel,
+    Outcomes,
+    RolloutLaw,
+    RolloutTask,
+    RunState,
+    guard_loci,
+    poses_around,
+)
 from plsing_ros.singularities import SingularSet
 
 # Steps of one answer, all samples together; with more, the roll-out has longer steps.
@@ -130,23 +138,3 @@ def roll_out_around(
         again = task.roll_out([nearer[i] for i in unseen], state, seed + times)
         found = found.replaced(unseen, again)
     return found
-
-
-def poses_around(pose: Pose, covariance: Array | None, count: int, seed: int, share: float = 1.0) -> list[Pose]:
-    """Return samples of where a camera may be.
-
-    Args:
-        pose: T_world_camera.
-        covariance: In the world's axes, (position [m], rotation [rad]), shape (6, 6); None: exact.
-        count: How many.
-        seed: Of the samples.
-        share: Of how far they are from the pose by the covariance.
-    """
-    if covariance is None or not np.any(covariance):
-        return [pose] * count
-    normal = np.random.default_rng(seed).multivariate_normal(np.zeros(6), covariance, size=count, method="eigh")
-    drawn = share * normal
-    turns = Rotation.from_rotvec(drawn[:, 3:]).as_matrix()
-    return [
-        Pose(turn @ pose.rotation, pose.translation + shift) for turn, shift in zip(turns, drawn[:, :3], strict=True)
-    ]

@@ -273,7 +273,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
         if self._state.get_subscription_count():
             head = header(stamp, self.parameters.camera_frame)
             covariance, unchecked = self._servo.twist_covariance(), self._servo.unchecked
-            self._state.publish(controller_state_message(command, self.parameters.law, covariance, unchecked, head))
+            self._state.publish(controller_state_message(command, self._servo.law, covariance, unchecked, head))
         self._publish_path(stamp)
         previous, self._latest = self._latest, command
         if previous is None or command.mode is not previous.mode:
@@ -306,7 +306,7 @@ class ControllerNode(ParameterizedNode[ControllerParameters]):
             {
                 "error norm": f"{latest.error_norm:.4g}",
                 "inverse condition number": f"{latest.inverse_condition_number:.4g}",
-                "law": self.parameters.law,
+                "law": self._servo.law,
                 "scale": f"{latest.scale:.3g}",
                 "warning": "; ".join(filter(None, (self._servo.warning, self._others.text))),
             },

@@ -175,6 +175,14 @@ class LawParameters(TaskParameters):
         minimum=0.0,
         maximum=0.9,
     )
+    detour_risk_margin: float = parameter(
+        0.05,
+        "detour.risk_margin",
+        "detour, where the pose is known with its covariance beside the image: it goes straight, as fused does, where "
+        "the predicted risk of that is at most this above that of a path round; 0: always round (docs/laws.md)",
+        minimum=0.0,
+        maximum=1.0,
+    )
     fused_position_std: float = parameter(
         0.005,
         "fused.position_std",

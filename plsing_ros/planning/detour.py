@@ -63,6 +63,8 @@ class DetourOptions:
         limits: How fast to go.
         half_view: Tangents of half the field of view, horizontal and vertical: a path has at least as many lines in
             view as the end that sees fewer, where there is such a path; 0: not limited.
+        risk_margin: By how much the predicted risk of the straight way may be higher than that of a path round
+            (straight_way.plan_by_risk); 0: it is not asked for.
 
     Raises:
         GeometryError: If a number is outside its range.
@@ -77,6 +79,7 @@ class DetourOptions:
     cross_surfaces: bool = True
     limits: SpeedLimits = field(default_factory=SpeedLimits)
     half_view: tuple[float, float] = (0.0, 0.0)
+    risk_margin: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("margin", "max_distance"):
@@ -96,12 +99,14 @@ class Plan:
         reason: Why, in words.
         path: The path to go; None if refused.
         margin: Of options.margin, what the path keeps [m]; 0 if refused.
+        by_pose: Whether the straight path is not followed but the target led to by the pose, across singularities.
     """
 
     decision: Decision
     reason: str
     path: CameraPath | None = None
     margin: float = 0.0
+    by_pose: bool = False
 
 
 def plan_path(singular: SingularSet, start: Pose, target: Pose, options: DetourOptions | None = None) -> Plan:
@@ -124,7 +129,7 @@ def plan_path(singular: SingularSet, start: Pose, target: Pose, options: DetourO
 
 
 def _plan(singular: SingularSet, start: Pose, target: Pose, options: DetourOptions) -> Plan:
-    refusal = _refusal(singular, target, options)
+    refusal = target_refusal(singular, target, options)
     clearance = Clearance(singular, start.translation, target.translation, options.margin)
     if refusal is None and clearance.crossed and not options.cross_surfaces:
         refusal = f"{_list(clearance.crossed)} separates start and target"
@@ -155,7 +160,7 @@ def _crossing(clearance: Clearance) -> str:
     return f", across {_list(clearance.crossed)}, which cannot be gone round"
 
 
-def _refusal(singular: SingularSet, target: Pose, options: DetourOptions) -> str | None:
+def target_refusal(singular: SingularSet, target: Pose, options: DetourOptions) -> str | None:
     """Return why a target is not gone to from anywhere, or None."""
     if singular.singular_everywhere:
         return f"the scene is singular for every camera: {singular.description}"

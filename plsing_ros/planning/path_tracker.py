@@ -14,9 +14,10 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.line_scale import LineScale
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.planning.camera_path import SpeedLimits
-from plsing_ros.planning.detour import DetourOptions, Plan, plan_path
+from plsing_ros.planning.detour import DetourOptions, Plan
 from plsing_ros.planning.path_follower import PathFollower, Reference
 from plsing_ros.planning.planner import Answer, Planner, PlanNow
+from plsing_ros.planning.straight_way import KnownPose, plan_by_risk
 from plsing_ros.singularities.scene_loci import SceneLoci
 
 _SECOND = 1_000_000_000
@@ -71,9 +72,17 @@ class PathTracker:
         return T_world_target.is_close(self._target, _SAME)
 
     def reference(
-        self, parameters: ControllerParameters, seen: LineSet, image: Array, stamp: int, factor: float
+        self,
+        parameters: ControllerParameters,
+        seen: LineSet,
+        image: Array,
+        stamp: int,
+        factor: float,
+        known: KnownPose | None = None,
     ) -> tuple[Reference, Pose] | None:
-        """Return what the path asks for now and where the camera is, or None if the plan says not to go or is not made.
+        """Return what the path asks for now and where the camera is, or None if there is no path to follow.
+
+        Then a plan is being made, says not to go, or says to go straight by the pose.
 
         Args:
             parameters: How to plan.
@@ -81,11 +90,14 @@ class PathTracker:
             image: Their image lines, shape (3n,).
             stamp: Of the observation [ns].
             factor: What was left of the speed in the latest cycle, in [0, 1]: the path waits for a camera held back.
+            known: How well the pose is known beside the image, if it is.
 
         Raises:
             ObservationError: If the lines do not tell where the camera is, or it is elsewhere than on its path and no
                 new one is made yet, or any more; or if too few lines have an image on the path.
         """
+        if self.goes_by_pose:
+            return None
         pose = self._camera_pose(parameters, seen)
         if pose is None:
             raise ObservationError(
@@ -95,7 +107,8 @@ class PathTracker:
             self.plan is None or self._is_to_replan(pose, seen.ids, image, stamp, parameters.detour_replan_distance)
         ):
             options = detour_options(parameters)
-            self._planning = self._planner.ask(plan_path, self._loci.singular_set, pose, self._target, options), pose
+            asked = self._loci.singular_set, pose, self._target, options, known
+            self._planning = self._planner.ask(plan_by_risk, *asked), pose
         if self._planning is not None and not self._take_plan(stamp):
             return None
         if self._follower is None:
@@ -110,6 +123,11 @@ class PathTracker:
     def is_planning(self) -> bool:
         """Whether a plan is being made: nothing should move meanwhile."""
         return self._planning is not None
+
+    @property
+    def goes_by_pose(self) -> bool:
+        """Whether the plan in force is to go straight by the pose."""
+        return self._planning is None and self.plan is not None and self.plan.by_pose
 
     def _take_plan(self, stamp: int) -> bool:
         """Put the plan in force that was asked for, if it is ready.
@@ -127,7 +145,7 @@ class PathTracker:
         if plan is None:
             return False
         self._planning, self.plan = None, plan
-        self._follower = None if plan.path is None else PathFollower(plan.path, self._lines)
+        self._follower = None if plan.path is None or plan.by_pose else PathFollower(plan.path, self._lines)
         self._expected, self._stamp = start, stamp
         return True
 
@@ -202,6 +220,7 @@ def detour_options(parameters: ControllerParameters) -> DetourOptions:
         margin=parameters.detour_margin,
         accept_singular_target=parameters.min_target_condition == 0.0,
         half_view=(parameters.half_view[0], parameters.half_view[1]),
+        risk_margin=parameters.detour_risk_margin,
         limits=SpeedLimits(
             min(parameters.detour_linear_speed, _ROOM * linear), min(parameters.detour_angular_speed, _ROOM * angular)
         ),

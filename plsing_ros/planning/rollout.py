@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from plsing_ros import _core
 from plsing_ros.arrays import Array
@@ -326,3 +327,23 @@ class RolloutTask:
             reach = HALF_LENGTH * lines.direction
             ends = np.stack([lines.point - reach, lines.point + reach], axis=1)
         return lines.direction, lines.moment, np.reshape(ends, (-1, 3))
+
+
+def poses_around(pose: Pose, covariance: Array | None, count: int, seed: int, share: float = 1.0) -> list[Pose]:
+    """Return samples of where a camera may be.
+
+    Args:
+        pose: T_world_camera.
+        covariance: In the world's axes, (position [m], rotation [rad]), shape (6, 6); None: exact.
+        count: How many.
+        seed: Of the samples.
+        share: Of how far they are from the pose by the covariance.
+    """
+    if covariance is None or not np.any(covariance):
+        return [pose] * count
+    normal = np.random.default_rng(seed).multivariate_normal(np.zeros(6), covariance, size=count, method="eigh")
+    drawn = share * normal
+    turns = Rotation.from_rotvec(drawn[:, 3:]).as_matrix()
+    return [
+        Pose(turn @ pose.rotation, pose.translation + shift) for turn, shift in zip(turns, drawn[:, :3], strict=True)
+    ]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from plsing_ros.geometry import Pose
 from plsing_ros.planning.camera_path import CameraPath, even_progress
-from plsing_ros.planning.detour import Decision, DetourOptions, plan_path
+from plsing_ros.planning.detour import Decision, DetourOptions
 from plsing_ros.planning.path_conditions import inverse_condition_numbers
+from plsing_ros.planning.straight_way import KnownPose, plan_by_risk
 from plsing_ros.singularities import LocusDistance, SingularSet
 
 _PATH_POSES = 100
@@ -39,7 +40,13 @@ class TargetCheck:
     path: tuple[Pose, ...]
 
 
-def check_target(singular: SingularSet, start: Pose, target: Pose, options: DetourOptions | None = None) -> TargetCheck:
+def check_target(
+    singular: SingularSet,
+    start: Pose,
+    target: Pose,
+    options: DetourOptions | None = None,
+    known: KnownPose | None = None,
+) -> TargetCheck:
     """Return what a controller that plans its path would do about a target, and what it would meet.
 
     Args:
@@ -47,9 +54,10 @@ def check_target(singular: SingularSet, start: Pose, target: Pose, options: Deto
         start: T_world_camera at the start.
         target: T_world_camera at the target.
         options: How it plans.
+        known: How well it knows the camera's pose beside the image, if it does.
     """
     options = options or DetourOptions()
-    plan = plan_path(singular, start, target, options)
+    plan = plan_by_risk(singular, start, target, options, known)
     straight = CameraPath(start, target, options.limits)
     rotation, position = straight.poses(even_progress(_PATH_POSES))
     condition = inverse_condition_numbers(singular.lines, rotation, position)

@@ -44,12 +44,14 @@ def seen(pose, verdict=LinesVerdict.GIVEN, depth=1.0, turn=0.0, shift=0.0, image
     return dataclasses.replace(observation, verdict=verdict, verdict_reason="why")
 
 
-def answers(servo, first, pose=START, verdict=LinesVerdict.GIVEN, late=0, frames=3, **off):
+def answers(servo, first, pose=START, verdict=LinesVerdict.GIVEN, late=0, frames=3, told=0.0, **off):
     """Answer some frames, the camera standing still; what is said and done, as values to compare."""
     result = []
     for k in range(first, first + frames):
         stamp = NOW + k * STEP
         servo.gate.receive(int(Level.WARN), "near", stamp - 5 * 10**6, stamp)
+        if told:
+            servo.receive_pose(pose, stamp, told**2 * np.eye(6))
         try:
             command = servo.answer(seen(pose, verdict, **off), stamp, stamp + late)
         except ObservationError as error:
@@ -88,6 +90,7 @@ CASES = [
     ("detour.replan_distance", 1e-3, {"law": "detour"}, {"frames": 60}),
     ("detour.pose_onset", 10.0, {"law": "detour"}, {"frames": 60}),
     ("detour.max_scale_error", 0.0, {"law": "detour"}, {"depth": 1.05}),
+    ("detour.risk_margin", 0.0, {"law": "detour"}, {"told": 1e-3}),
     ("latency", 0.1, {}, {}),
     ("fused.position_std", 1.0, {"law": "fused"}, {"image": 0.05}),
     ("fused.rotation_std", 1.0, {"law": "fused"}, {"image": 0.05}),

@@ -12,14 +12,14 @@ from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.risk import RiskPredictor
-from plsing_ros.monitoring.rollout_setup import poses_around, roll_out_around, rollout_task
+from plsing_ros.monitoring.rollout_setup import roll_out_around, rollout_task
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.parameters.law import LawParameters
 from plsing_ros.parameters.loop import LoopParameters
 from plsing_ros.parameters.task import TaskParameters
 from plsing_ros.parameters.tolerance import ToleranceParameters
-from plsing_ros.planning.rollout import Harm, RunState
+from plsing_ros.planning.rollout import Harm, RunState, poses_around
 from plsing_ros.singularities import singular_set
 
 STEP = SECOND // 30
