@@ -63,6 +63,8 @@ class PathTracker:
         # Where the camera should be: on the path, or where the plan was refused.
         self._expected = T_world_target
         self._stamp = 0
+        # Whether the pose was known beside the image when the plan was asked for: a filter begins with an image.
+        self._was_known = False
         # Since when the camera is elsewhere, and how many plans were made because it was.
         self._elsewhere_since: int | None = None
         self._replans = 0
@@ -103,9 +105,13 @@ class PathTracker:
             raise ObservationError(
                 "the observed lines do not fit the scene, so the camera's place on the path is unknown"
             )
+        becomes_known = known is not None and not self._was_known and parameters.detour_risk_margin > 0.0
         if self._planning is None and (
-            self.plan is None or self._is_to_replan(pose, seen.ids, image, stamp, parameters.detour_replan_distance)
+            self.plan is None
+            or becomes_known
+            or self._is_to_replan(pose, seen.ids, image, stamp, parameters.detour_replan_distance)
         ):
+            self._was_known = known is not None
             options = detour_options(parameters)
             asked = self._loci.singular_set, pose, self._target, options, known
             self._planning = self._planner.ask(plan_by_risk, *asked), pose

@@ -24,8 +24,10 @@ START = Pose(TARGET.rotation, 2.0 * FOOT - TARGET.translation)
 PERIOD = 1.0 / 30.0
 
 
-def run(seconds, covariance=None, source=""):
-    """Return the controller, how far from the target the camera ends [m], how long its path was [m], and the laws."""
+def run(seconds, covariance=None, source="", first="", frames_of_it=0):
+    """Go by lines of a source, and of another one in the first frames.
+
+    Return the controller, how far from the target the camera ends [m], how long its path was [m], and the laws."""
     servo = ServoController(LINES, TARGET, law="detour", gain=1.0)
     camera, length, laws = START, 0.0, set()
     for k in range(round(seconds / PERIOD)):
@@ -33,7 +35,9 @@ def run(seconds, covariance=None, source=""):
         seen = LineObservation.of_lines(LINES.transformed(camera.inverse(), "camera"))
         if covariance is not None:
             servo.receive_pose(camera, stamp, covariance)
-        command = servo.answer(dataclasses.replace(seen, lines_source=source), stamp, stamp)
+        command = servo.answer(
+            dataclasses.replace(seen, lines_source=first if k < frames_of_it else source), stamp, stamp
+        )
         laws.add(servo.law)
         length += float(np.linalg.norm(command.twist[:3])) * PERIOD
         camera = camera.integrate(command.twist, PERIOD)
@@ -52,3 +56,9 @@ def test_a_known_pose_leads_straight_across(source):
 def test_a_pose_that_the_image_alone_shows_leads_round(covariance, source):
     servo, _, _, laws = run(0.2, covariance, source)
     assert servo.plan.decision is Decision.DETOUR and not servo.plan.by_pose and laws == {"detour"}
+
+
+def test_a_filter_that_begins_with_an_image_leads_straight_across_as_well():
+    servo, off, length, laws = run(14.0, 1e-6 * np.eye(6), "filter", "image", 3)
+    assert servo.plan.by_pose and laws == {"detour", "fused"}
+    assert off < 1e-3 and length < 1.05 * float(np.linalg.norm(START.translation - TARGET.translation))

@@ -189,7 +189,13 @@ CHANGES = {
 }
 # Neither an integral nor a secondary twist nor the details of a path are rolled out; fused goes as position does.
 NOT_ROLLED_OUT = {"secondary_twist", "integral_gain", "integral_limit", "detour.margin", "detour.replan_distance"}
-NOT_ROLLED_OUT |= {"detour.pose_onset", "detour.max_scale_error", "fused.position_std", "fused.rotation_std"}
+NOT_ROLLED_OUT |= {
+    "detour.pose_onset",
+    "detour.max_scale_error",
+    "detour.risk_margin",
+    "fused.position_std",
+    "fused.rotation_std",
+}
 NOT_ROLLED_OUT |= {"fused.angle_std", "fused.offset_std", "fused.map_std"}
 OTHERS = set(TaskParameters.specifications()) | set(ToleranceParameters.specifications())
 OTHERS |= {"prediction.controller", "prediction.period"}
