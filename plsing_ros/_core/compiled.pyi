@@ -67,10 +67,10 @@ def are_consistent(
     min_image_cosine: float,
     min_cosine: float,
     max_offset: float,
-    rotation: Array = ...,
-    translation: Array = ...,
-    min_turn_cosine: float = ...,
-    max_distance: float = ...,
+    rotation: Array,
+    translation: Array,
+    min_turn_cosine: float,
+    max_distance: float,
 ) -> bool:
     """Return whether image lines and 3-D lines are certain to agree with each other, the scene and a camera pose.
 
@@ -523,9 +523,10 @@ def proximity(
     center: Array,
     length: float,
     image_std: float,
-    rotation: Array = ...,
-    covariance: Array = ...,
-) -> tuple[float, float, Array, float, float, float, Array] | None:
+    normal: float,
+    rotation: Array,
+    covariance: Array,
+) -> tuple[float | None, float, Array, float, float, float, Array] | None:
     """Return how near a camera centre is to a singular one; None if something is not finite.
 
     Args:
@@ -536,21 +537,16 @@ def proximity(
         center: Shape (3,) [m].
         length: That translations are divided by [m].
         image_std: Standard deviation of the normals of the interpretation planes [rad].
+        normal: What the smallest over the largest singular value is divided by; nothing for 0, then the result is 0.
         rotation: Of T_world_camera, shape (3, 3).
-        covariance: (angle, both, offset) of each image line, shape (n, 3), in place of image_std; given with rotation.
+        covariance: (angle, both, offset) of each image line, shape (n, 3), in place of image_std; (0, 3): not known.
 
     Returns:
-        z (infinite without errors of the lines), distance [m], closest point (3,) [m], smallest over largest singular
-        value; standard deviations of position [m] and rotation [rad] along the least observable motion, and that motion
-        (v, omega) (6,), v in metres for a length of one in units of length.
+        z (None without errors of the lines), distance [m], closest point (3,) [m], smallest over largest singular
+        value over normal; standard deviations of position [m] and rotation [rad] along the least observable motion,
+        and that motion (v, omega) (6,), v in metres for a length of one in units of length.
 
     Source: singularities.proximity.
-    """
-
-def scene_conditions(direction: Array, point: Array, centers: Array) -> Array:
-    """Return the smallest over the largest singular value of the row-normalised xi at centres (k, 3), shape (k,).
-
-    Lengths are in the unit of the coordinates; accurate to about 1e-8, the root of the rounding.
     """
 
 # pose_filter.cpp

@@ -54,7 +54,7 @@ py::object interaction_conditioning(const Vectors &direction, const Vectors &mom
     Tall rows;
     if (!fill_rows(direction, moment, min_depth, rows))
         return py::none();
-    const Svd decomposed(rows);
+    const Svd decomposed(rows, false);
     if (!decomposed.is_finite())
         return py::none();
     return py::make_tuple(array_of(decomposed.values()), array_of(decomposed.right().transpose()));

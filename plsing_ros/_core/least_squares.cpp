@@ -9,7 +9,7 @@
 
 namespace plsing {
 
-Svd::Svd(const Eigen::Ref<const Tall> &matrix)
+Svd::Svd(const Eigen::Ref<const Tall> &matrix, bool with_left)
 {
     const Index m = matrix.rows(), k = matrix.cols();
     rows_ = m;
@@ -31,7 +31,7 @@ Svd::Svd(const Eigen::Ref<const Tall> &matrix)
     const Small triangle = triangular_.matrixQR().topRows(k).triangularView<Eigen::Upper>();
     Matrix6d transposed = Matrix6d::Zero();
     transposed.topLeftCorner(k, k) = triangle.transpose();
-    const JacobiSvd<max_unknowns> svd(transposed);
+    const JacobiSvd<max_unknowns> svd(transposed, with_left);
     values_ = svd.values.head(k).unaryExpr([exponent](double value) { return std::ldexp(value, exponent); });
     // Zero, not only to rounding.
     values_.tail(std::max(k - m, Index(0))).setZero();

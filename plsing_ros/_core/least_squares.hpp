@@ -19,7 +19,8 @@ using Tall = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMaj
 // its triangular factor. With m < k the missing singular values are zero.
 class Svd {
 public:
-    explicit Svd(const Eigen::Ref<const Tall> &matrix);
+    // Without `with_left` only values and right vectors are of use, which saves a part of the time.
+    explicit Svd(const Eigen::Ref<const Tall> &matrix, bool with_left = true);
 
     // Whether the matrix and its singular values are finite; if not, nothing else is of use.
     bool is_finite() const { return finite_; }

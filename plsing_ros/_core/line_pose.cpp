@@ -2,6 +2,7 @@
 // The pose that fits lines and points: Gauss-Newton with Cauchy's weights first, Tukey's in the end.
 #include <algorithm>
 
+#include "lines.hpp"
 #include "tracking.hpp"
 
 namespace plsing::tracking {
@@ -9,7 +10,7 @@ namespace {
 
 constexpr int ITERATIONS = 12;
 constexpr int CAUCHY_ITERATIONS = 6;
-constexpr double MIN_STEP = 1e-7;
+constexpr double MIN_STEP = 1e-7, MAX_TURN = 0.5;  // [rad]
 constexpr double CAUCHY = 2.385, TUKEY = 4.685;
 
 double wrapped(double angle) { return std::remainder(angle, 2.0 * M_PI); }
@@ -31,13 +32,6 @@ double scale_of(std::vector<double> lengths)
     return lengths[lengths.size() / 2] / 1.1774;
 }
 
-Matrix3d skew(const Vector3d& v)
-{
-    Matrix3d matrix;
-    matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-    return matrix;
-}
-
 Matrix6 damped(const Matrix6& information)
 {
     Matrix6 matrix = information;
@@ -46,29 +40,65 @@ Matrix6 damped(const Matrix6& information)
     return matrix;
 }
 
+// Gauss-Newton from a pose, drawn to a prior. `fill` makes the residuals, two for each observation in units of their
+// standard deviations, and their derivatives by a motion.
+template <typename Fill>
+PoseFit fit(std::size_t count, Transform pose, const Transform& prior, const Matrix6& prior_information, Fill fill)
+{
+    PoseFit fit;
+    fit.weights.assign(count, 0.0);
+    std::vector<Vector2d> residuals(count);
+    std::vector<Matrix26> jacobians(count);
+    std::vector<double> lengths(count);
+    for (int iteration = 0; iteration <= ITERATIONS; ++iteration) {
+        const bool tukey = iteration >= CAUCHY_ITERATIONS;
+        fill(pose, residuals, jacobians);
+        for (std::size_t i = 0; i < count; ++i)
+            lengths[i] = residuals[i].norm();
+        fit.scale = scale_of(lengths);
+        const double scale = std::max(1.0, fit.scale);
+        fit.information = prior_information;
+        Vector6 gradient = prior_information * motion(pose, prior);
+        fit.squares = 0.0;
+        for (std::size_t i = 0; i < count; ++i) {
+            fit.weights[i] = weight_of(lengths[i] / scale, tukey);
+            fit.squares += fit.weights[i] * lengths[i] * lengths[i];
+            const double weight = fit.weights[i] / (scale * scale);
+            fit.information += weight * jacobians[i].transpose() * jacobians[i];
+            gradient += weight * jacobians[i].transpose() * residuals[i];
+        }
+        if (iteration == ITERATIONS)
+            break;
+        Vector6 step = damped(fit.information).ldlt().solve(gradient);
+        const double turn = step.tail<3>().norm();
+        if (turn > MAX_TURN)
+            step *= MAX_TURN / turn;
+        if (!step.allFinite())
+            break;
+        pose = pose.moved(step);
+        // On to the next kind of weights, or to the end, where this one has nothing more to say.
+        if (step.norm() < MIN_STEP)
+            iteration = tukey ? ITERATIONS - 1 : CAUCHY_ITERATIONS - 1;
+    }
+    fit.pose = pose;
+    return fit;
+}
+
 }  // namespace
 
 PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Transform pose, const Transform& prior,
                  const Matrix6& prior_information)
 {
-    PoseFit fit;
-    fit.chosen.assign(lines.size(), -1);
-    fit.weights.assign(lines.size(), 0.0);
-    fit.scale = 1.0;
-    std::vector<Vector2d> residuals(lines.size());
-    std::vector<Matrix26> jacobians(lines.size());
-    std::vector<double> lengths(lines.size());
+    std::vector<int> chosen(lines.size(), -1);
     std::vector<std::vector<Matrix2d>> whitening(lines.size());
     for (std::size_t i = 0; i < lines.size(); ++i)
         for (const FittedLine& line : lines[i].lines)
             whitening[i].push_back(Eigen::LLT<Matrix2d>(line.covariance).matrixL().solve(Matrix2d::Identity()));
-    double floor = 1.0;
-    for (int iteration = 0; iteration <= ITERATIONS; ++iteration) {
-        const bool tukey = iteration >= CAUCHY_ITERATIONS;
+    const auto fill = [&](const Transform& at, std::vector<Vector2d>& residuals, std::vector<Matrix26>& jacobians) {
         for (std::size_t i = 0; i < lines.size(); ++i) {
             const int e = lines[i].edge;
-            const Vector3d a = pose * Vector3d(model.vertices().row(model.edges()(e, 0)));
-            const Vector3d b = pose * Vector3d(model.vertices().row(model.edges()(e, 1)));
+            const Vector3d a = at * Vector3d(model.vertices().row(model.edges()(e, 0)));
+            const Vector3d b = at * Vector3d(model.vertices().row(model.edges()(e, 1)));
             const Vector3d moment = a.cross(b), direction = b - a;
             const double square = moment.head<2>().squaredNorm(), depth = std::sqrt(square);
             Eigen::Matrix<double, 3, 6> by_motion;
@@ -86,56 +116,23 @@ PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Tr
                 const double cost = residual.norm() * (0.5 + 0.5 * most / line.support);
                 if (cost < least) {
                     least = cost;
-                    fit.chosen[i] = static_cast<int>(j);
+                    chosen[i] = static_cast<int>(j);
                     residuals[i] = residual;
                     jacobians[i] = whitening[i][j] * by_moment * by_motion;
                 }
             }
-            lengths[i] = residuals[i].norm();
         }
-        fit.scale = scale_of(lengths);
-        floor = std::max(1.0, fit.scale);
-        Matrix6 information = prior_information;
-        Vector6 gradient = prior_information * motion(pose, prior);
-        fit.squares = 0.0;
-        for (std::size_t i = 0; i < lines.size(); ++i) {
-            fit.weights[i] = weight_of(lengths[i] / floor, tukey);
-            fit.squares += fit.weights[i] * lengths[i] * lengths[i];
-            const double weight = fit.weights[i] / (floor * floor);
-            information += weight * jacobians[i].transpose() * jacobians[i];
-            gradient += weight * jacobians[i].transpose() * residuals[i];
-        }
-        fit.information = information;
-        if (iteration == ITERATIONS)
-            break;
-        Vector6 step = damped(information).ldlt().solve(gradient);
-        const double turn = step.tail<3>().norm();
-        if (turn > 0.5)
-            step *= 0.5 / turn;
-        if (!step.allFinite())
-            break;
-        pose = pose.moved(step);
-        // On to the next kind of weights, or to the end, where this one has nothing more to say.
-        if (step.norm() < MIN_STEP)
-            iteration = tukey ? ITERATIONS - 1 : CAUCHY_ITERATIONS - 1;
-    }
-    fit.pose = pose;
-    return fit;
+    };
+    PoseFit found = fit(lines.size(), pose, prior, prior_information, fill);
+    found.chosen = chosen;
+    return found;
 }
 
 PoseFit fit_points(const Rows3& points, const Rows2& seen, double deviation, Transform pose)
 {
-    PoseFit fit;
-    const Eigen::Index n = points.rows();
-    fit.weights.assign(n, 0.0);
-    fit.scale = 1.0;
-    std::vector<Vector2d> residuals(n);
-    std::vector<Matrix26> jacobians(n);
-    std::vector<double> lengths(n);
-    for (int iteration = 0; iteration <= ITERATIONS; ++iteration) {
-        const bool tukey = iteration >= CAUCHY_ITERATIONS;
-        for (Eigen::Index i = 0; i < n; ++i) {
-            const Vector3d p = pose * Vector3d(points.row(i));
+    const auto fill = [&](const Transform& at, std::vector<Vector2d>& residuals, std::vector<Matrix26>& jacobians) {
+        for (Eigen::Index i = 0; i < points.rows(); ++i) {
+            const Vector3d p = at * Vector3d(points.row(i));
             const double inverse = 1.0 / std::max(p.z(), 1e-9);
             Eigen::Matrix<double, 2, 3> by_point;
             by_point << inverse, 0.0, -p.x() * inverse * inverse, 0.0, inverse, -p.y() * inverse * inverse;
@@ -143,32 +140,9 @@ PoseFit fit_points(const Rows3& points, const Rows2& seen, double deviation, Tra
             by_motion << Matrix3d::Identity(), -skew(p);
             residuals[i] = (seen.row(i).transpose() - p.head<2>() * inverse) / deviation;
             jacobians[i] = by_point * by_motion / deviation;
-            lengths[i] = residuals[i].norm();
         }
-        fit.scale = scale_of(lengths);
-        const double scale = std::max(1.0, fit.scale);
-        fit.information.setZero();
-        Vector6 gradient = Vector6::Zero();
-        fit.squares = 0.0;
-        for (Eigen::Index i = 0; i < n; ++i) {
-            fit.weights[i] = weight_of(lengths[i] / scale, tukey);
-            fit.squares += fit.weights[i] * lengths[i] * lengths[i];
-            const double weight = fit.weights[i] / (scale * scale);
-            fit.information += weight * jacobians[i].transpose() * jacobians[i];
-            gradient += weight * jacobians[i].transpose() * residuals[i];
-        }
-        if (iteration == ITERATIONS)
-            break;
-        const Vector6 step = damped(fit.information).ldlt().solve(gradient);
-        if (!step.allFinite() || step.tail<3>().norm() > 1.0)
-            break;
-        pose = pose.moved(step);
-        // On to the next kind of weights, or to the end, where this one has nothing more to say.
-        if (step.norm() < MIN_STEP)
-            iteration = tukey ? ITERATIONS - 1 : CAUCHY_ITERATIONS - 1;
-    }
-    fit.pose = pose;
-    return fit;
+    };
+    return fit(points.rows(), pose, pose, Matrix6::Zero(), fill);
 }
 
 Rows3 edge_support(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose, double focal,

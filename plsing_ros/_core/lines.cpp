@@ -87,6 +87,8 @@ namespace {
 constexpr double min_spread = 1e-6;
 // Of the pivots of the normal equations of a translation: the square of a ratio of singular values.
 constexpr double parallel = 1e-15;
+// Of two lines, from which on it is more than rounding.
+constexpr double min_misfit = 1e-12;
 
 // Comparisons are written so that they fail for what is not a number.
 
@@ -190,10 +192,12 @@ py::object align_lines(const Vectors &direction, const Vectors &moment, const Ve
                           found.min_cosine, found.offset);
 }
 
-// Whether image lines and 3-D lines are certain to agree with each other, and with the lines of a scene if there are any,
-// each misfit being within its bound; then `pose` is where the scene's lines put the camera.
-bool agree(const Vectors &image_lines, const Vectors &direction, const Vectors &moment, const Vectors &scene_direction,
-           const Vectors &scene_moment, double min_image_cosine, double min_cosine, double max_offset, Pose &pose)
+// Whether image lines and 3-D lines are certain to agree with each other, with the lines of a scene if there are any, and
+// with where these put the camera, each misfit being within its bound.
+bool are_consistent(const Vectors &image_lines, const Vectors &direction, const Vectors &moment,
+                    const Vectors &scene_direction, const Vectors &scene_moment, double min_image_cosine,
+                    double min_cosine, double max_offset, const View<3, 3> &rotation, const View<3> &translation,
+                    double min_turn_cosine, double max_distance)
 {
     const Index n = image_lines.rows(), expected = scene_direction.rows();
     require(direction.rows() == n && moment.rows() == n && scene_moment.rows() == expected &&
@@ -206,32 +210,10 @@ bool agree(const Vectors &image_lines, const Vectors &direction, const Vectors &
     if (expected == 0)
         return true;
     const Alignment found = aligned(scene_direction, scene_moment, direction, moment);
-    pose = found.pose;
+    const double turn_cosine = 0.5 * (found.pose.rotation.cwiseProduct(rotation).sum() - 1.0);
     return found.is_fixed && found.spread >= min_spread && found.min_cosine >= min_cosine &&
-           found.offset * std::sqrt(static_cast<double>(n)) <= max_offset;
-}
-
-bool are_consistent(const Vectors &image_lines, const Vectors &direction, const Vectors &moment,
-                    const Vectors &scene_direction, const Vectors &scene_moment, double min_image_cosine,
-                    double min_cosine, double max_offset)
-{
-    Pose pose;
-    return agree(image_lines, direction, moment, scene_direction, scene_moment, min_image_cosine, min_cosine,
-                 max_offset, pose);
-}
-
-bool are_consistent_with_pose(const Vectors &image_lines, const Vectors &direction, const Vectors &moment,
-                              const Vectors &scene_direction, const Vectors &scene_moment, double min_image_cosine,
-                              double min_cosine, double max_offset, const View<3, 3> &rotation,
-                              const View<3> &translation, double min_turn_cosine, double max_distance)
-{
-    Pose pose;
-    if (!agree(image_lines, direction, moment, scene_direction, scene_moment, min_image_cosine, min_cosine, max_offset,
-               pose))
-        return false;
-    const double turn_cosine = 0.5 * (pose.rotation.cwiseProduct(rotation).sum() - 1.0);
-    return scene_direction.rows() == 0 ||
-           (turn_cosine >= min_turn_cosine && (pose.translation - translation).norm() <= max_distance);
+           found.offset * std::sqrt(static_cast<double>(n)) <= max_offset && turn_cosine >= min_turn_cosine &&
+           (found.pose.translation - translation).norm() <= max_distance;
 }
 
 py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, const Vectors &covariances, double map_std,
@@ -241,14 +223,23 @@ py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, con
     const bool known = covariances.rows() != 0;
     require(moment.rows() == n && (!known || covariances.rows() == n), "there must be a moment for each line");
     const auto apart = [](const Vector3d &a, const Vector3d &b) { return (a - b).squaredNorm(); };
+    double total = 0.0, worst = 0.0, second = 0.0;
+    for (Eigen::Index i = 0; i < n; i++) {
+        const double misfit = apart(image_lines.row(i).normalized(), moment.row(i).normalized());
+        total += misfit;
+        second = std::max(second, std::min(worst, misfit));
+        worst = std::max(worst, misfit);
+    }
+    // Most frames: no two lines hold so much of the misfit that exchanging them could leave little of it.
+    if (!known && !(total > min_misfit && total - worst - second < frame_ratio * total))
+        return py::none();
     struct Line { Vector3d normal, direction, seen, expected, variance; };
-    double total = 0.0;
     std::vector<Line> lines;
+    lines.reserve(n);
     for (Eigen::Index i = 0; i < n; i++) {
         const Vector3d own = moment.row(i), seen = image_lines.row(i);
         const double depth = std::hypot(own[0], own[1]);
         lines.push_back({own / own.norm(), seen / seen.norm(), seen, own / depth, Vector3d::Zero()});
-        total += apart(lines.back().direction, lines.back().normal);
         if (!known) continue;
         const Vector3d each = covariances.row(i);
         // Of the ends of the piece that is seen, which the image has with this variance.
@@ -269,7 +260,7 @@ py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, con
             const Vector3d s = one.variance + other.variance;
             // d' S^-1 d0 |S| for S = (s[0] s[1]; s[1] s[2]).
             const double product = s[2] * x * x0 - s[1] * (x * y0 + y * x0) + s[0] * y * y0;
-            const bool explains = total - own + swapped < frame_ratio * total && own > 1e-12;
+            const bool explains = total - own + swapped < frame_ratio * total && own > min_misfit;
             const double score = std::max(explains ? pair_ratio * own / swapped : 0.0,
                                           known ? -2.0 * product / (log_ratio * (s[0] * s[2] - s[1] * s[1])) : 0.0);
             if (!(score > most)) continue;
@@ -289,7 +280,6 @@ void bind_lines(py::module_ &module)
     module.def("is_rotation", &is_rotation);
     module.def("align_lines", &align_lines);
     module.def("are_consistent", &are_consistent);
-    module.def("are_consistent", &are_consistent_with_pose);
     module.def("exchanged_pair", &exchanged_pair);
 }
 

@@ -250,7 +250,7 @@ py::object pose_uncertainty(const KnownLines &lines, const SeenLines &image_line
         whitened.middleRows<2>(2 * i) = here[i].whitening * raw.middleRows<2>(2 * i);
     }
     // Angle and offset are orthonormal coordinates of the image line, so `raw` has the singular values of L.
-    const Svd of_raw(raw), decomposed(whitened);
+    const Svd of_raw(raw, false), decomposed(whitened, false);
     if (!of_raw.is_finite() || !decomposed.is_finite() ||
         !(decomposed.values()(5) > undetermined * decomposed.values()(0)))
         return py::none();

@@ -74,6 +74,8 @@ double variance_of(const std::vector<Line> &lines, const Basis &basis, const Vec
             moved += left(row) * by_normal;
             turned += left(row) * by_direction;
         }
+        if (shift == 0.0 && turn == 0.0)
+            continue;
         turned += arm.cross(moved);
         variance += shift * shift * moved.cross(u).squaredNorm();
         variance += turn * turn * (turned - turned.dot(u) * u).squaredNorm();
@@ -83,11 +85,12 @@ double variance_of(const std::vector<Line> &lines, const Basis &basis, const Vec
 
 py::object proximity(const Vectors &direction, const Vectors &pivot, const Values &position_std,
                      const Values &direction_std, const View<3> &center, double length, double image_std,
-                     const Matrix3d &rotation, const Vectors *covariance)
+                     double normal, const View<3, 3> &rotation, const Vectors &covariance)
 {
     const Index n = direction.rows(), rows = std::max<Index>(2 * n, 6);
     require(pivot.rows() == n && position_std.size() == n && direction_std.size() == n, "there must be n lines in each");
-    require(covariance == nullptr || covariance->rows() == n, "there must be a covariance of each line");
+    const bool weighted = covariance.rows() > 0;
+    require(!weighted || covariance.rows() == n, "there must be a covariance of each line, or none");
     std::vector<Line> lines(n);
     Basis basis{Tall::Zero(rows, 6), Eigen::VectorXd::Ones(rows)};
     Tall image = Tall::Zero(rows, 6);
@@ -111,13 +114,13 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
         basis.rows.row(2 * i + 1).tail<3>() = m / distance;
         image.row(2 * i) << f.transpose() / square, u.transpose();
         image.row(2 * i + 1).tail<3>() = m / distance;
-        if (covariance != nullptr) {
+        if (weighted) {
             const Eigen::Matrix2d white =
-                whitening(rotation.transpose() * u, rotation.transpose() * f, covariance->row(i));
+                whitening(rotation.transpose() * u, rotation.transpose() * f, covariance.row(i));
             image.middleRows<2>(2 * i) = (white * image.middleRows<2>(2 * i)).eval();
         }
     }
-    const Svd decomposed(basis.rows), seen(image);
+    const Svd decomposed(basis.rows), seen(image, false);
     if (!decomposed.is_finite() || !seen.is_finite())
         return py::none();
     const double smallest = decomposed.values()(5), largest = decomposed.values()(0);
@@ -152,55 +155,23 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
             step -= across.eigenvectors().col(axis) * (smallest * across.eigenvectors().col(axis).dot(pull) / value);
     }
     const Vector6d weakest = seen.right().col(5);
-    const double deviation = seen.has_full_rank() ? (covariance == nullptr ? image_std : 1.0) / seen.values()(5) : infinite;
+    const double deviation = seen.has_full_rank() ? (weighted ? 1.0 : image_std) / seen.values()(5) : infinite;
     Vector6d motion_in_metres;
     motion_in_metres << length * weakest.head<3>(), weakest.tail<3>();
     const double moved = motion_in_metres.head<3>().norm(), turned = weakest.tail<3>().norm();
     const Vector3d closest = center + length * step;
-    return py::make_tuple(z, length * step.norm(), array_of(closest), largest > 0.0 ? smallest / largest : 0.0,
+    const double condition = largest > 0.0 && normal > 0.0 ? smallest / largest / normal : 0.0;
+    const bool exact = position_std.isZero(0.0) && direction_std.isZero(0.0);
+    return py::make_tuple(exact ? py::object(py::none()) : py::float_(z), length * step.norm(), array_of(closest), condition,
                           moved > 0.0 ? deviation * moved : 0.0, turned > 0.0 ? deviation * turned : 0.0,
                           array_of(motion_in_metres));
-}
-
-py::array_t<double> scene_conditions(const Vectors &direction, const Vectors &point, const Vectors &centers)
-{
-    require(point.rows() == direction.rows(), "there must be n lines in each");
-    Eigen::VectorXd ratio(centers.rows());
-    for (Index k = 0; k < centers.rows(); k++) {
-        Matrix6d gram = Matrix6d::Zero();
-        for (Index i = 0; i < direction.rows(); i++) {
-            const Vector3d u = direction.row(i), f = u.cross((point.row(i) - centers.row(k)).transpose());
-            const double square = f.squaredNorm();
-            if (square == 0.0)
-                continue;
-            Vector6d row;
-            row << f, square * u;
-            gram += row * row.transpose() / (square * (1.0 + square));
-            const Vector3d m = u.cross(f);
-            gram.bottomRightCorner<3, 3>() += m * m.transpose() / square;
-        }
-        const Vector6d values = Eigen::SelfAdjointEigenSolver<Matrix6d>(gram, Eigen::EigenvaluesOnly).eigenvalues();
-        ratio(k) = values(5) > 0.0 ? std::sqrt(std::max(values(0), 0.0) / values(5)) : 0.0;
-    }
-    return array_of(ratio);
 }
 
 }  // namespace
 
 void bind_proximity(py::module_ &module)
 {
-    module.def("proximity", [](const Vectors &direction, const Vectors &pivot, const Values &position_std,
-                               const Values &direction_std, const View<3> &center, double length, double image_std) {
-        return proximity(direction, pivot, position_std, direction_std, center, length, image_std,
-                         Matrix3d::Identity(), nullptr);
-    });
-    module.def("proximity", [](const Vectors &direction, const Vectors &pivot, const Values &position_std,
-                               const Values &direction_std, const View<3> &center, double length, double image_std,
-                               const View<3, 3> &rotation, const Vectors &covariance) {
-        return proximity(direction, pivot, position_std, direction_std, center, length, image_std, rotation,
-                         &covariance);
-    });
-    module.def("scene_conditions", &scene_conditions);
+    module.def("proximity", &proximity);
 }
 
 }  // namespace plsing

@@ -38,6 +38,8 @@ _DEVIATIONS = 8.0
 # Up to this share of what is allowed, directions are not looked at line by line.
 _SURE = 0.1
 _NOTHING = np.empty((0, 3))
+# A pose, and bounds of cosine and distance that any pose is within.
+_SOMEWHERE, _ANYWHERE = Pose(np.eye(3), np.zeros(3)), (-2.0, math.inf)
 
 
 def left_out_text(ids: Sequence[int]) -> str:
@@ -86,6 +88,9 @@ class ConsistencyCheck:
         self.tolerances = Tolerances() if tolerances is None else tolerances
         self._sure = math.cos(_SUSPICIOUS), math.cos(_SURE * self.tolerances.direction), self.tolerances.position
         self._near = math.cos(min(self.tolerances.rotation, math.pi)), self.tolerances.position
+        # Lines that are farther apart are farther off than is allowed, when they are exchanged.
+        near = min(self.tolerances.image + _FARTHER, math.pi)
+        self._near_lines = self.tolerances.position / _DEVIATIONS, near
         self._explanations = Explanations()
         # Of the latest lines, which seldom change: their ids and rows in the scene.
         self._latest: tuple[tuple[int, ...], LineSet] | None = None
@@ -146,8 +151,7 @@ class ConsistencyCheck:
             direction, moment = self._latest[1].direction, self._latest[1].moment
         else:
             return False
-        if told is None:
-            return _core.are_consistent(image, lines.direction, lines.moment, direction, moment, *self._sure)
+        pose, near = (_SOMEWHERE, _ANYWHERE) if told is None else (told, self._near)
         return _core.are_consistent(
             image,
             lines.direction,
@@ -155,16 +159,13 @@ class ConsistencyCheck:
             direction,
             moment,
             *self._sure,
-            told.rotation,
-            told.translation,
-            *self._near,
+            pose.rotation,
+            pose.translation,
+            *near,
         )
 
     def _of_pairs(self, image: Array, lines: LineSet, covariances: Array | None) -> str | None:
-        map_std = self.tolerances.position / _DEVIATIONS
-        # Others are farther off than is allowed, when they are exchanged.
-        near = min(self.tolerances.image + _FARTHER, math.pi)
-        rows = exchanged_pair(image, lines.moment, covariances, map_std, near)
+        rows = exchanged_pair(image, lines.moment, covariances, *self._near_lines)
         return None if rows is None else exchanged_images_text(*(lines.ids[row] for row in rows))
 
     def _of_image(self, image: Array, lines: LineSet) -> str | None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from plsing_ros.arrays import Array
@@ -296,6 +296,15 @@ class Indicators:
     def _is_critical(self, approach: Approach) -> bool:
         name = next(name for name, kinds in _DISTANCES.items() if approach.kind in kinds)
         return approach.distance < self._thresholds[name].critical
+
+
+def below_alarm(indicators: Sequence[Indicator]) -> bool:
+    """Return whether one of them is below its first threshold."""
+    # Many times as fast as any() for the few there are in most cycles.
+    for _, value, thresholds, *_ in indicators:  # noqa: SIM110
+        if value < thresholds.alarm:
+            return True
+    return False
 
 
 def condition_text(inverse: float) -> str:

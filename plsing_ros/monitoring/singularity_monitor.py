@@ -33,7 +33,7 @@ from plsing_ros.monitoring.approach import Approach, ApproachTable, Trend
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.camera_position import CameraPosition, locate
 from plsing_ros.monitoring.hysteresis import OK, Debounce
-from plsing_ros.monitoring.indicators import Indicators, condition_text, precision_text, verdict_indicator
+from plsing_ros.monitoring.indicators import Indicators, below_alarm, condition_text, precision_text, verdict_indicator
 from plsing_ros.monitoring.law_risks import laws_text, risks_of_laws
 from plsing_ros.monitoring.monitored_target import NOT_KNOWN, MonitoredTarget
 from plsing_ros.monitoring.prediction import Prediction
@@ -330,10 +330,10 @@ class SingularityMonitor:
         if (
             not self._alarm_state.is_calm(kinds)
             or not self._indicators.are_calm(ruling, target_inverse, nearest, of_loci[1])
-            or any(each.value < each.thresholds.alarm for each in indicators)
+            or below_alarm(indicators)
         ):
             measured = self._indicators.measured(ruling, target_inverse, *of_loci)
-            near = any(each.value < each.thresholds.alarm for each in measured)
+            near = below_alarm(measured)
             indicators = self._alarm_state.with_missing([*measured, *indicators])
             levels = self._alarm_state.levels(indicators, len(measured) if calm else 0, kinds)
         else:

@@ -20,6 +20,7 @@ from plsing_ros.singularities.scene_frame import SceneFrame
 
 # Where the normal condition of a scene is taken, in scene lengths from its centre.
 _NEAREST, _FARTHEST, _PLACES = 1.0, 3.0, 1000
+_ANY_ROTATION, _NO_COVARIANCES = np.eye(3), np.empty((0, 3))
 
 
 class Proximity(NamedTuple):
@@ -88,11 +89,13 @@ def proximity(
     if not 0.0 < image_std < math.inf:
         raise GeometryError(f"image_std is {image_std} rad; it must be positive and finite")
     center = checked_center("pose_or_center", pose_or_center)
-    weights: tuple[Array, ...] = ()
+    rotation: Array = _ANY_ROTATION
+    weights: Array = _NO_COVARIANCES
     if covariances is not None:
         if not isinstance(pose_or_center, Pose):
             raise GeometryError("covariances of image lines are given with a camera centre alone; give the pose")
-        weights = pose_or_center.rotation, checked_array("covariances", covariances, (len(lines), 3))
+        rotation = pose_or_center.rotation
+        weights = checked_array("covariances", covariances, (len(lines), 3))
     found = _core.proximity(
         lines.direction,
         lines.pivot,
@@ -101,24 +104,38 @@ def proximity(
         center,
         frame.length,
         image_std,
-        *weights,
+        normal,
+        rotation,
+        weights,
     )
     if found is None:
         raise GeometryError(f"a camera at {center.tolist()} m is too far from the lines to compute with")
-    z, distance, closest, condition, position_std, rotation_std, motion = found
-    relative = condition / normal if normal > 0.0 else 0.0
-    return Proximity(None if lines.exact else z, distance, closest, relative, position_std, rotation_std, motion)
+    return Proximity._make(found)
 
 
 def normal_condition(frame: SceneFrame) -> float:
     """Return the median inverse condition number at 1000 Halton points one to three scene lengths from the centre."""
-    centers = halton_shell()
-    return float(np.median(_core.scene_conditions(frame.direction, frame.point, centers)))
+    return float(np.median(conditions_at(frame, halton_shell())))
 
 
 def conditions_at(frame: SceneFrame, centers: Array) -> Array:
-    """Return the inverse condition number of the row-normalised xi at scene coordinates (k, 3), shape (k,)."""
-    return _core.scene_conditions(frame.direction, frame.point, np.ascontiguousarray(centers, dtype=float))
+    """Return the inverse condition number of the row-normalised xi at scene coordinates (k, 3), shape (k,).
+
+    Accurate to about 1e-8, the root of the rounding. Rows of a line that a centre is on are zero.
+    """
+    u = frame.direction
+    f = np.cross(u, frame.point - np.asarray(centers, dtype=float)[:, np.newaxis])
+    square = np.einsum("kij,kij->ki", f, f)[..., np.newaxis]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        upper = np.concatenate([f, square * u], axis=2) / np.sqrt(square * (1.0 + square))
+        lower = np.concatenate([np.zeros_like(f), np.cross(u, f)], axis=2) / np.sqrt(square)
+    rows = np.concatenate([upper, lower], axis=1)
+    rows[np.isnan(rows)] = 0.0
+    values: Array = np.linalg.eigvalsh(rows.transpose(0, 2, 1) @ rows)
+    smallest, largest = np.maximum(values[:, 0], 0.0), values[:, 5]
+    share = np.divide(smallest, largest, out=np.zeros(len(values)), where=largest > 0.0)
+    found: Array = np.sqrt(share)
+    return found
 
 
 @lru_cache(maxsize=1)
