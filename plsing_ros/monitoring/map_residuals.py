@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from plsing_ros.arrays import Array
@@ -26,15 +28,19 @@ class MapResiduals:
     def __init__(self, scene: LineSet) -> None:
         n = len(scene)
         self._row_of = {i: row for row, i in enumerate(scene.ids)}
+        self._waiting: deque[LineObservation] = deque(maxlen=round(_FRAMES))
         self._frames = np.zeros(n)
         self._mean = np.zeros((n, 2))
         self._square = np.zeros((n, 2, 2))
 
     def add(self, observation: LineObservation) -> None:
-        """Take one more frame; without 3-D lines it tells nothing."""
+        """Take one more frame, without 3-D lines it tells nothing; it is looked at when rows are asked for."""
+        if observation.lines_camera is not None:
+            self._waiting.append(observation)
+
+    def _take(self, observation: LineObservation) -> None:
         lines = observation.lines_camera
-        if lines is None:
-            return
+        assert lines is not None
         kept = [(self._row_of[i], k) for k, i in enumerate(observation.usable_ids) if i in self._row_of]
         if not kept:
             return
@@ -55,6 +61,9 @@ class MapResiduals:
 
     def rows(self) -> Array | None:
         """Return means and covariances of the means as RolloutTask.residuals wants them, or None without any."""
+        # Not in the cycle that brought them: roll-outs, which ask, are made in a thread of their own.
+        while self._waiting:
+            self._take(self._waiting.popleft())
         known = self._frames >= _MIN_FRAMES
         if not known.any():
             return None

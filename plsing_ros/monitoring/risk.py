@@ -237,12 +237,11 @@ class RiskPredictor:
         is_first = self._latest is None
         steps = FIRST_STEPS if is_first else MAX_STEPS
         task = rollout_task(singular, target, law, parameters, self._frame_period(), observation, steps, self.seen_ends)
-        residuals = None if self._residuals is None else self._residuals.rows()
+        map_residuals = self._residuals
         # A path that leads elsewhere is that of another target.
         leads_there = bool(self._path) and self._path[-1].is_close(target, _SAME_TARGET)
         path = self._path if leads_there and law.law == "detour" else ()
         lacks_path = law.law == "detour" and not path and not np.any(command)
-        seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose, path=path)
         samples, seed, check, run = parameters.samples, self._seed, self._law_check, clock.run
         # As long as the loop is the same the target is held as well as it was; the first answer does not wait for that.
         loop = (law, target, parameters, singular)
@@ -252,6 +251,8 @@ class RiskPredictor:
 
         def answer() -> _Answer | None:
             try:
+                residuals = None if map_residuals is None else map_residuals.rows()
+                seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose, path=path)
                 outcomes = roll_out_around(seen_task, pose, covariance, samples, state, seed)
                 shakes = shaking
                 if shakes is None and not is_first:
