@@ -71,8 +71,12 @@ def are_consistent(
     translation: Array,
     min_turn_cosine: float,
     max_distance: float,
-) -> bool:
+    frame_ratio: float,
+) -> int:
     """Return whether image lines and 3-D lines are certain to agree with each other, the scene and a camera pose.
+
+    0: not certain; 1: they do; 2: and no two lines hold so much of the square misfit of the images that exchanging them
+    could leave frame_ratio of it.
 
     Args:
         image_lines: Shape (n, 3).

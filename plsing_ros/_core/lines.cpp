@@ -193,27 +193,37 @@ py::object align_lines(const Vectors &direction, const Vectors &moment, const Ve
 }
 
 // Whether image lines and 3-D lines are certain to agree with each other, with the lines of a scene if there are any, and
-// with where these put the camera, each misfit being within its bound.
-bool are_consistent(const Vectors &image_lines, const Vectors &direction, const Vectors &moment,
+// with where these put the camera, each misfit being within its bound; 2 if, besides, no two lines hold so much of the
+// misfit of the images that exchanging them could leave the share `frame_ratio` of it.
+int are_consistent(const Vectors &image_lines, const Vectors &direction, const Vectors &moment,
                     const Vectors &scene_direction, const Vectors &scene_moment, double min_image_cosine,
                     double min_cosine, double max_offset, const View<3, 3> &rotation, const View<3> &translation,
-                    double min_turn_cosine, double max_distance)
+                    double min_turn_cosine, double max_distance, double frame_ratio)
 {
     const Index n = image_lines.rows(), expected = scene_direction.rows();
     require(direction.rows() == n && moment.rows() == n && scene_moment.rows() == expected &&
                 (expected == n || expected == 0),
             "there must be n lines in each, or none of the scene");
-    for (Index i = 0; i < n; i++)
-        if (!(image_lines.row(i).dot(moment.row(i)) >
-              min_image_cosine * std::sqrt(image_lines.row(i).squaredNorm() * moment.row(i).squaredNorm())))
-            return false;
+    double total = 0.0, worst = 0.0, second = 0.0;
+    for (Index i = 0; i < n; i++) {
+        const double size = std::sqrt(image_lines.row(i).squaredNorm() * moment.row(i).squaredNorm());
+        const double product = image_lines.row(i).dot(moment.row(i));
+        if (!(product > min_image_cosine * size))
+            return 0;
+        const double misfit = 2.0 - 2.0 * product / size;
+        total += misfit;
+        second = std::max(second, std::min(worst, misfit));
+        worst = std::max(worst, misfit);
+    }
+    const int good = total > min_misfit && total - worst - second < frame_ratio * total ? 1 : 2;
     if (expected == 0)
-        return true;
+        return good;
     const Alignment found = aligned(scene_direction, scene_moment, direction, moment);
     const double turn_cosine = 0.5 * (found.pose.rotation.cwiseProduct(rotation).sum() - 1.0);
-    return found.is_fixed && found.spread >= min_spread && found.min_cosine >= min_cosine &&
-           found.offset * std::sqrt(static_cast<double>(n)) <= max_offset && turn_cosine >= min_turn_cosine &&
-           (found.pose.translation - translation).norm() <= max_distance;
+    const bool agree = found.is_fixed && found.spread >= min_spread && found.min_cosine >= min_cosine &&
+                       found.offset * std::sqrt(static_cast<double>(n)) <= max_offset &&
+                       turn_cosine >= min_turn_cosine && (found.pose.translation - translation).norm() <= max_distance;
+    return agree ? good : 0;
 }
 
 py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, const Vectors &covariances, double map_std,
@@ -223,16 +233,7 @@ py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, con
     const bool known = covariances.rows() != 0;
     require(moment.rows() == n && (!known || covariances.rows() == n), "there must be a moment for each line");
     const auto apart = [](const Vector3d &a, const Vector3d &b) { return (a - b).squaredNorm(); };
-    double total = 0.0, worst = 0.0, second = 0.0;
-    for (Eigen::Index i = 0; i < n; i++) {
-        const double misfit = apart(image_lines.row(i).normalized(), moment.row(i).normalized());
-        total += misfit;
-        second = std::max(second, std::min(worst, misfit));
-        worst = std::max(worst, misfit);
-    }
-    // Most frames: no two lines hold so much of the misfit that exchanging them could leave little of it.
-    if (!known && !(total > min_misfit && total - worst - second < frame_ratio * total))
-        return py::none();
+    double total = 0.0;
     struct Line { Vector3d normal, direction, seen, expected, variance; };
     std::vector<Line> lines;
     lines.reserve(n);
@@ -240,6 +241,7 @@ py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, con
         const Vector3d own = moment.row(i), seen = image_lines.row(i);
         const double depth = std::hypot(own[0], own[1]);
         lines.push_back({own / own.norm(), seen / seen.norm(), seen, own / depth, Vector3d::Zero()});
+        total += apart(lines.back().direction, lines.back().normal);
         if (!known) continue;
         const Vector3d each = covariances.row(i);
         // Of the ends of the piece that is seen, which the image has with this variance.

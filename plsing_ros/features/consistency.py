@@ -19,7 +19,7 @@ from plsing_ros.features.contradictions import (
     image_contradiction,
     text_of_pose,
 )
-from plsing_ros.features.near_pairs import exchanged_pair
+from plsing_ros.features.near_pairs import OF_ALL, exchanged_pair
 from plsing_ros.features.observation import LineObservation
 from plsing_ros.geometry import LineSet, Pose, align_lines
 from plsing_ros.geometry.line_alignment import matched_rows
@@ -38,6 +38,8 @@ _DEVIATIONS = 8.0
 # Up to this share of what is allowed, directions are not looked at line by line.
 _SURE = 0.1
 _NOTHING = np.empty((0, 3))
+# As _core.are_consistent says it.
+_NO_PAIR = 2
 # A pose, and bounds of cosine and distance that any pose is within.
 _SOMEWHERE, _ANYWHERE = Pose(np.eye(3), np.zeros(3)), (-2.0, math.inf)
 
@@ -124,10 +126,12 @@ class ConsistencyCheck:
         lines = observation.lines_camera
         if lines is None:
             return None
-        problem = None
-        if not self._agrees(observation.usable_image_lines, lines, T_world_camera):
-            problem = self._disagreement(observation.usable_image_lines, lines, T_world_camera)
-        return problem or self._of_pairs(observation.usable_image_lines, lines, observation.usable_covariances)
+        image, covariances = observation.usable_image_lines, observation.usable_covariances
+        agreement = self._agreement(image, lines, T_world_camera)
+        if agreement == _NO_PAIR and covariances is None:
+            return None
+        problem = None if agreement else self._disagreement(image, lines, T_world_camera)
+        return problem or self._of_pairs(image, lines, covariances)
 
     def _disagreement(self, image: Array, lines: LineSet, told: Pose | None) -> str | None:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -139,8 +143,8 @@ class ConsistencyCheck:
                 return None
             return self._of_scene(expected, seen, told)
 
-    def _agrees(self, image: Array, lines: LineSet, told: Pose | None) -> bool:
-        """Return whether nothing is near what is allowed: most frames need no more."""
+    def _agreement(self, image: Array, lines: LineSet, told: Pose | None) -> int:
+        """Return whether nothing is near what is allowed, and whether no pair can be exchanged: most need no more."""
         direction: Array
         moment: Array
         if self._scene is None:
@@ -150,7 +154,7 @@ class ConsistencyCheck:
         elif self._latest is not None and lines.ids == self._latest[0]:
             direction, moment = self._latest[1].direction, self._latest[1].moment
         else:
-            return False
+            return 0
         pose, near = (_SOMEWHERE, _ANYWHERE) if told is None else (told, self._near)
         return _core.are_consistent(
             image,
@@ -162,6 +166,7 @@ class ConsistencyCheck:
             pose.rotation,
             pose.translation,
             *near,
+            OF_ALL,
         )
 
     def _of_pairs(self, image: Array, lines: LineSet, covariances: Array | None) -> str | None:

@@ -14,7 +14,7 @@ from plsing_ros.arrays import Array
 _LOG_RATIO = 10.0
 # Whatever the covariances are, it leaves so little of the square misfit of the two, and of that of all lines: chance
 # does that to one harsh frame in 200,000.
-_OF_THE_PAIR, _OF_ALL = 0.05, 0.1
+_OF_THE_PAIR, OF_ALL = 0.05, 0.1
 _NONE = np.empty((0, 3))
 
 
@@ -39,4 +39,4 @@ def exchanged_pair(
     Source: the test of two simple hypotheses of Neyman and Pearson; docs/refusals.md.
     """
     known = _NONE if covariances is None else covariances
-    return _core.exchanged_pair(image, moment, known, map_std, math.cos(near), _LOG_RATIO, _OF_THE_PAIR, _OF_ALL)
+    return _core.exchanged_pair(image, moment, known, map_std, math.cos(near), _LOG_RATIO, _OF_THE_PAIR, OF_ALL)
