@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, settings
 # A loaded machine is no failure: nothing here judges by the wall clock.
 settings.register_profile("without_clock", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 # `make test-quick` draws fewer values for each property.
-settings.register_profile("quick", settings.get_profile("without_clock"), max_examples=30)
+settings.register_profile("quick", settings.get_profile("without_clock"), max_examples=20)
 settings.load_profile("without_clock")
 
 # `colcon test` starts here also where the package is installed elsewhere: then that one is to be tested, and not the
