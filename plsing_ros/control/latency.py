@@ -24,25 +24,6 @@ _MUCH_LATER = 0.5
 _HERE = Pose(np.eye(3), np.zeros(3))
 
 
-class _Sent:
-    """A twist that was sent, with the motion of the time that it was asked for last."""
-
-    __slots__ = ("_held", "_motion", "_twist", "stamp")
-
-    def __init__(self, stamp: int, twist: Array) -> None:
-        self.stamp = stamp
-        self._twist = twist
-        self._held = -1
-
-    def motion(self, held: int) -> tuple[Array, Array]:
-        """Return rotation and translation of the camera after it was held for so long [ns]."""
-        if held != self._held:
-            seconds = held / _SECOND
-            rotation, mean = exponential(seconds * self._twist[3:])
-            self._held, self._motion = held, (rotation, mean @ (seconds * self._twist[:3]))
-        return self._motion
-
-
 class LookAhead:
     """Remembers the twists that were sent, and moves features by those that act after an image was taken.
 
@@ -53,17 +34,21 @@ class LookAhead:
     """
 
     def __init__(self) -> None:
-        self._sent: deque[_Sent] = deque(maxlen=_MOST_TWISTS)
+        self._sent: deque[tuple[int, Array]] = deque(maxlen=_MOST_TWISTS)
+        # Of twists under way, by their stamps: for how long each was held [ns], with rotation and translation of that.
+        self._motions: dict[int, tuple[int, Array, Array]] = {}
 
     def clear(self) -> None:
         """Take note that the robot stands still."""
         self._sent.clear()
+        self._motions.clear()
 
     def sent(self, twist: Array, stamp: int) -> None:
         """Take note of a twist (6,) of the camera that answers an image of that stamp [ns]."""
-        if self._sent and self._sent[-1].stamp >= stamp:
-            self._sent.pop()
-        self._sent.append(_Sent(stamp, twist))
+        sent = self._sent
+        if sent and sent[-1][0] >= stamp:
+            self._motions.pop(sent.pop()[0], None)
+        sent.append((stamp, twist))
 
     def motion(self, stamp: int, latency: float) -> Pose:
         """Return T_now_then: where the camera is when it begins to move by an image, seen from where it took it.
@@ -73,17 +58,26 @@ class LookAhead:
             latency: [s].
         """
         start = stamp - round(latency * _SECOND)
-        while len(self._sent) > 1 and self._sent[1].stamp <= start:
-            self._sent.popleft()
+        while len(self._sent) > 1 and self._sent[1][0] <= start:
+            self._motions.pop(self._sent.popleft()[0], None)
         entries = list(self._sent)
-        ends = [*(each.stamp for each in entries[1:]), stamp] if entries else []
+        ends = [*(each for each, _ in entries[1:]), stamp] if entries else []
         R, t = _HERE.rotation, _HERE.translation
-        for entry, end in zip(entries, ends, strict=True):
-            held = min(end, stamp) - max(entry.stamp, start)
+        for (begin, twist), end in zip(entries, ends, strict=True):
+            held = min(end, stamp) - max(begin, start)
             if held > 0:
-                turned, moved = entry.motion(min(held, _LONGEST_HOLD))
+                turned, moved = self._motion_of(begin, twist, min(held, _LONGEST_HOLD))
                 R, t = R @ turned, t + R @ moved
         return Pose(R, t) if R is not _HERE.rotation else _HERE
+
+    def _motion_of(self, begin: int, twist: Array, held: int) -> tuple[Array, Array]:
+        """Return rotation and translation of the camera after a twist was held for so long [ns]."""
+        known = self._motions.get(begin)
+        if known is None or known[0] != held:
+            seconds = held / _SECOND
+            rotation, mean = exponential(seconds * twist[3:])
+            known = self._motions[begin] = held, rotation, mean @ (seconds * twist[:3])
+        return known[1:]
 
     def ahead(self, lines: LineSet, image: Array, stamp: int, latency: float) -> tuple[LineSet, Array]:
         """Return lines and image lines as they will be then; as they are where one of them would have no image.
