@@ -81,3 +81,16 @@ def exponential(vector: Array) -> tuple[Array, Array]:
         )
 
     return combined(first, second), combined(second, third)
+
+
+def turned_covariance(covariance: Array, rotation: Array) -> Array:
+    """Return the covariance, shape (6, 6), of a position and a rotation in other axes.
+
+    Args:
+        covariance: Of (position [m], rotation [rad]) in the axes of a, shape (6, 6).
+        rotation: R_b_a, which turns vectors from a to b, shape (3, 3).
+    """
+    both = np.zeros((6, 6))
+    both[:3, :3] = both[3:, 3:] = rotation
+    turned: Array = both @ covariance @ both.T
+    return turned

@@ -34,7 +34,7 @@ class MapResiduals:
         self._square = np.zeros((n, 2, 2))
 
     def add(self, observation: LineObservation) -> None:
-        """Take one more frame, without 3-D lines it tells nothing; it is looked at when rows are asked for."""
+        """Take one more frame, to be looked at when rows are asked for; without 3-D lines it tells nothing."""
         if observation.lines_camera is not None:
             self._waiting.append(observation)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
+from plsing_ros.geometry.rotations import turned_covariance
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.planning.camera_path import CameraPath, even_progress
 from plsing_ros.planning.detour import Decision, DetourOptions, Plan, plan_path, target_refusal
@@ -23,6 +24,8 @@ _SAMPLES, _SEED = 20, 0
 _PATH_POSES = 100
 # Lines that fix a pose, with none to spare for one that is wrong.
 _OF_A_POSE = 4
+# Of a pose: position and rotation.
+_PARTS = slice(0, 3), slice(3, 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +102,7 @@ def _risk(
     path: tuple[Pose, ...],
 ) -> float:
     """Return the share of roll-outs from a start to a target that come to harm."""
-    position, rotation = (math.sqrt(float(np.trace(part)) / 3.0) for part in _parts(known.covariance))
+    position, rotation = (math.sqrt(float(np.trace(known.covariance[of, of])) / 3.0) for of in _PARTS)
     # A way round takes longer, and has longer.
     deadline = dataclasses.replace(known.law, law="detour").deadline
     loop = LoopModel(
@@ -112,15 +115,10 @@ def _risk(
         pose_error_lasts=known.lasts,
     )
     task = RolloutTask(singular.lines, target, law, loop, T_world_camera=start, path=path)
-    turn = np.zeros((6, 6))
-    turn[:3, :3] = turn[3:, 3:] = start.rotation
-    starts = poses_around(start, turn @ known.covariance @ turn.T if known.lasts else None, _SAMPLES, _SEED)
+    covariance = turned_covariance(known.covariance, start.rotation) if known.lasts else None
+    starts = poses_around(start, covariance, _SAMPLES, _SEED)
     distance = float(np.linalg.norm(start.translation - target.translation))
     return task.roll_out(starts, RunState(deadline, distance), _SEED).risk
-
-
-def _parts(covariance: Array) -> tuple[Array, Array]:
-    return covariance[:3, :3], covariance[3:, 3:]
 
 
 def _keeps_view(singular: SingularSet, path: CameraPath, options: DetourOptions) -> bool:

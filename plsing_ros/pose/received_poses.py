@@ -6,10 +6,9 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-import numpy as np
-
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
+from plsing_ros.geometry.rotations import turned_covariance
 
 _SECOND = 1_000_000_000
 # Poses and features come on two topics: enough poses to find the one that belongs to features that were overtaken.
@@ -33,10 +32,7 @@ class ReceivedPose(NamedTuple):
         """Return the covariance in the camera's axes, or None."""
         if self.covariance is None:
             return None
-        turn, R = np.zeros((6, 6)), self.T_world_camera.rotation
-        turn[:3, :3] = turn[3:, 3:] = R
-        in_camera: Array = turn.T @ self.covariance @ turn
-        return in_camera
+        return turned_covariance(self.covariance, self.T_world_camera.rotation.T)
 
 
 class ReceivedPoses:

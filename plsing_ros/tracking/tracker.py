@@ -20,6 +20,7 @@ from plsing_ros.errors import ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
+from plsing_ros.geometry.rotations import turned_covariance
 from plsing_ros.tracking.alternatives import angle_between, flipped, is_flat, surroundings, symmetries
 from plsing_ros.tracking.camera import PinholeCamera
 from plsing_ros.tracking.points import FacePoints, PointPose
@@ -308,14 +309,11 @@ class LineTracker:
         contradiction = max(1.0, fit.scale) ** 2
         covariance = contradiction * covariance
         T_world_camera = pose.inverse()
-        turn = T_world_camera.rotation
-        to_scene = np.zeros((6, 6))
-        to_scene[:3, :3] = to_scene[3:, 3:] = turn
         return Tracking(
             state,
             reason,
             T_world_camera,
-            to_scene @ covariance @ to_scene.T,
+            turned_covariance(covariance, T_world_camera.rotation),
             self._observation(fit, good, contradiction**2 * share),
             fit.support,
             fit.chance,
