@@ -85,16 +85,17 @@ class LineObservation:
         usable = np.ones(n, dtype=bool) if self.usable is None else np.array(self.usable, dtype=bool)
         if usable.shape != (n,):
             raise ObservationError(f"usable has shape {usable.shape}, expected ({n},)")
-        if not _core.are_image_lines(image, _NORM_TOLERANCE):
-            _refuse(self.ids, image, usable)
         usable.setflags(write=False)
         object.__setattr__(self, "image_lines", image)
         object.__setattr__(self, "usable", usable)
         used, seen = self.ids, image
-        # Many times as fast as usable.all().
-        if np.count_nonzero(usable) != n:
-            used, seen = tuple(compress(self.ids, usable.tolist())), image[usable]
+        uses = usable.tolist()
+        if False in uses:
+            used, seen = tuple(compress(self.ids, uses)), image[usable]
             seen.setflags(write=False)
+            checked_array("image_lines", image, (None, 3), ObservationError)
+        if not _core.are_image_lines(seen, _NORM_TOLERANCE):
+            _refuse(self.ids, image, usable)
         object.__setattr__(self, "usable_ids", used)
         object.__setattr__(self, "usable_image_lines", seen)
         object.__setattr__(self, "usable_covariances", self._checked_covariances())
@@ -220,7 +221,8 @@ class LineObservation:
             ObservationError: As for the class, and if a 3-D line is not one.
         """
         said = (verdict, verdict_reason, lines_source, covariances, ends)
-        count = np.count_nonzero(visible)
+        # Many times as fast as numpy's count for the few there are.
+        count = visible.tolist().count(True)
         if directions is None or moments is None or count == 0:
             return cls(ids, image_lines, visible, None, *said)
         try:

@@ -198,7 +198,7 @@ class RiskPredictor:
             self._residuals.add(observation)
         period = round(parameters.prediction_period * _SECOND)
         due = self._asked is None or not 0 <= stamp - self._asked < period
-        deviation = 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[:3, :3])))
+        deviation = 0.0 if covariance is None else math.sqrt(sum(covariance.ravel().tolist()[:15:7]))
         elapsed = self._clock.update(stamp, pose, T_world_target, parameters.degrees_of_freedom, deviation)
         if due and not self.is_awaited:
             if self._run != self._clock.run:

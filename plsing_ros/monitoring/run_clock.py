@@ -95,7 +95,9 @@ def distance_between(here: Pose, target: Pose, used: Sequence[int]) -> tuple[flo
     """Return distance [m] and angle [rad] between two cameras, along the degrees of freedom in use (of the camera)."""
     if all(used):
         cosine = 0.5 * (float(np.vdot(here.rotation, target.rotation)) - 1.0)
-        return float(np.linalg.norm(here.translation - target.translation)), math.acos(min(max(cosine, -1.0), 1.0))
+        # Plain numbers, because every cycle needs this.
+        away = math.dist(here.translation.tolist(), target.translation.tolist())
+        return away, math.acos(min(max(cosine, -1.0), 1.0))
     mask = np.array(used, dtype=float)
     shift = here.rotation.T @ (here.translation - target.translation) * mask[:3]
     turn = Rotation.from_matrix(target.rotation.T @ here.rotation).as_rotvec() * mask[3:]

@@ -140,8 +140,11 @@ class ManagedNode(LifecycleNode):
 
     def warn_of(self, what: str, problem: str) -> None:
         """Log a warning about an input once, until its problem is another one, or none; numbers make no other one."""
+        if not problem:
+            self._warned.pop(what, None)
+            return
         kind = re.sub(r"[0-9.e+-]+", "", problem)
-        if problem and kind != self._warned.get(what):
+        if kind != self._warned.get(what):
             self.get_logger().warning(f"{what}: {problem}")
         self._warned[what] = kind
 

@@ -68,7 +68,7 @@ def covariance_from_message(message: PoseWithCovarianceStamped) -> Array | None:
 
     None if it is zero, or no covariance: not finite, or with a negative variance.
     """
-    return _core.pose_covariance(np.reshape(message.pose.covariance, (6, 6)))
+    return _core.pose_covariance(message.pose.covariance.reshape(6, 6))
 
 
 def pose_from_message(message: PoseStamped, frame: str) -> Pose:

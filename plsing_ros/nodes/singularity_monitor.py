@@ -161,9 +161,9 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
             assessment = self._monitor.unusable(str(error), stamp)
         if assessment is not None:
             self._publish(assessment)
+        self._diagnostics.count(stamp)
         # Only now: the thread of the roll-outs would take the interpreter from this callback.
         self._monitor.begin_rollout()
-        self._diagnostics.count(stamp)
 
     def _on_heartbeat(self) -> None:
         assessment = self._monitor.silence(self.now())

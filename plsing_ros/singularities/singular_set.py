@@ -243,11 +243,22 @@ class SingularSet:
             GeometryError: If the centre is not three finite numbers or beyond 1e50 m, image_std is not positive, or
                 covariances come without a pose or in another shape.
         """
-        lines = self.lines
-        if ids is not None and ids != lines.ids:
-            rows = {line: row for row, line in enumerate(lines.ids)}
-            lines = lines.select([rows[line] for line in ids])
+        lines = self.lines if ids is None or ids == self.lines.ids else self._with_ids(ids)
         return proximity(lines, self._measured_frame, self.normal_condition, pose_or_center, image_std, covariances)
+
+    def _with_ids(self, ids: tuple[int, ...]) -> LineSet:
+        """Return the lines of some ids, which are mostly those of the call before."""
+        lines = self._latest_lines.get(ids)
+        if lines is None:
+            rows = {line: row for row, line in enumerate(self.lines.ids)}
+            lines = self.lines.select([rows[line] for line in ids])
+            self._latest_lines.clear()
+            self._latest_lines[ids] = lines
+        return lines
+
+    @cached_property
+    def _latest_lines(self) -> dict[tuple[int, ...], LineSet]:
+        return {}
 
     @cached_property
     def normal_condition(self) -> float:
