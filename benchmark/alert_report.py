@@ -26,9 +26,14 @@ def lead_of(record: Record) -> float:
     return min(0.5, 0.3 / record.gain)
 
 
-def is_announced(alert: float | None, event: float, lead: float) -> bool:
-    """Return whether an alert came early enough; what happens at once may be announced at the first features."""
-    return alert is not None and alert <= max(event - lead, 0.0) + 1e-9
+def latest_of(record: Record, event: float) -> float:
+    """Return when an event must be announced at the latest [s]: what comes at once, with the first command."""
+    return max(event - lead_of(record), record.first_command)
+
+
+def is_announced(record: Record, event: float) -> bool:
+    """Return whether an alert came early enough before an event [s]."""
+    return record.first_alert is not None and record.first_alert <= latest_of(record, event) + 1e-9
 
 
 def is_harmless(record: Record) -> bool:
@@ -90,7 +95,7 @@ def scores_of(records: Sequence[Record], name: str) -> tuple[np.ndarray, np.ndar
     """Return scores of harmful runs, early enough, and of harmless ones, over the whole run."""
     if name == _TRUE:
         records = [each for each in records if each.true_share is not None]
-    harmful = [score_before(each, name, max(each.harm_time - lead_of(each), 0.0)) for each in records if each.harm]
+    harmful = [score_before(each, name, latest_of(each, each.harm_time)) for each in records if each.harm]
     harmless = [score_before(each, name, math.inf) for each in records if is_harmless(each)]
     return np.array(harmful), np.array(harmless)
 
@@ -107,13 +112,13 @@ def _announced(condition: str, records: Sequence[Record]) -> list[str]:
     harmful = [each for each in records if each.harm]
     demanding = [each for each in records if each.demand_time is not None]
     lines = [f"{condition}: {len(records)} runs, {len(harmful)} harmful, {len(demanding)} demanding"]
-    hits = [is_announced(each.first_alert, each.harm_time, lead_of(each)) for each in harmful]
+    hits = [is_announced(each, each.harm_time) for each in harmful]
     lines.append(f"  harm announced early enough   {interval(sum(hits), len(hits))}")
     for kind in Harm:
         chosen = [hit for hit, each in zip(hits, harmful, strict=True) if each.harm == kind]
         if chosen:
             lines.append(f"    {kind.name.lower():27} {interval(sum(chosen), len(chosen))}")
-    said = [is_announced(each.first_alert, each.demand_time or 0.0, lead_of(each)) for each in demanding]
+    said = [is_announced(each, each.demand_time or 0.0) for each in demanding]
     lines.append(f"  demand announced early enough {interval(sum(said), len(said))}")
     return lines
 

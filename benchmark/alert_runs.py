@@ -70,6 +70,7 @@ class Record:
         harm: What kind, a value of Harm.
         harm_time: From the start [s]; the end of the run without harm.
         demand_time: When a demand was commanded first [s], or None.
+        first_command: When a motion was commanded first [s]; 0 if none was.
         first_alert: When the level was WARN or CRITICAL first [s], or None.
         alert_share: Share of the run's frames with an alert.
         alerts: What called for the first alert, and why.
@@ -94,6 +95,7 @@ class Record:
     harm: int = 0
     harm_time: float = 0.0
     demand_time: float | None = None
+    first_command: float = 0.0
     first_alert: float | None = None
     alert_share: float = 0.0
     alerts: str = ""
@@ -204,6 +206,8 @@ class _Run:
             speeds = float(np.linalg.norm(asked[:3])), float(np.linalg.norm(asked[3:]))
             if first is None and max(speeds) > 0.0:
                 first = speeds
+                if self._record is not None:
+                    self._record.first_command = time
             if first is not None and self._record is not None and self._record.demand_time is None:
                 limits = [max(limit, 1.5 * f) for limit, f in zip(ROBOT_LIMITS, first, strict=True)]
                 over = [speed > _ROUNDING * limit for speed, limit in zip(speeds, limits, strict=True)]

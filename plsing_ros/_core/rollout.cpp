@@ -7,6 +7,7 @@ namespace {
 
 constexpr double kArrivedDistance = 0.05, kArrivedAngle = 2.0 * M_PI / 180.0, kArrivedTime = 1.0;
 constexpr double kAwayFactor = 1.5, kAwayMargin = 0.05, kDemandFactor = 1.5, kRounding = 1e-9;
+constexpr double kFineTime = 1.0;  // In which each frame is a step [s].
 constexpr int kFewestLines = 3;
 
 Matrix3d rotation_of(const Vector3d &vector)
@@ -52,7 +53,7 @@ class Sample {
 public:
     Sample(const Scene &scene, const LawOptions &law, const Loop &loop, const Pose &camera, const Pose &believed,
            const Vector6d &motion, const Vector6d &command, std::uint64_t seed)
-        : scene_(scene), law_(law), loop_(loop), controller_(scene, law, loop), random_(seed), camera_(camera),
+        : scene_(scene), law_(law), loop_(loop), controller_(scene, law, loop_), random_(seed), camera_(camera),
           motion_(motion), commands_(loop.latency + kMostJitter + 2, command)
     {
         // T_camera_believed.
@@ -75,7 +76,6 @@ public:
 
     Outcome run()
     {
-        const auto steps = static_cast<std::int64_t>(std::ceil(loop_.horizon / loop_.period));
         // What the pose is off by now, the distance at the start was off by, too.
         const double from = std::max(loop_.start_distance + surplus_, 0.0);
         const double away = std::max(kAwayFactor * from, from + kAwayMargin);
@@ -83,11 +83,12 @@ public:
         bool was_there = loop_.arrived_for > 0.0;
         double arrived_since = -loop_.arrived_for;
         measure_distance();
-        for (step_ = 0; step_ < steps; step_++) {
-            const double time = step_ * loop_.period;
+        double time = 0.0;
+        for (step_ = 0; time < (1.0 - kRounding) * loop_.horizon; time = time_of(++step_)) {
+            if (time >= kFineTime && loop_.later_period > loop_.period) lengthen_steps(time);
             if (out_.distance > away) return harm(kAway, time);
             if (!see()) return harm(kFewLines, time);
-            if (2 * step_ >= steps) {
+            if (2.0 * time >= loop_.horizon) {
                 square_ += out_.distance * out_.distance;
                 counted_++;
             }
@@ -102,12 +103,24 @@ public:
             if (step_ % kRememberEvery == 0) remember(time);
             act(time);
         }
-        return loop_.stops && is_late(steps * loop_.period) ? harm(kLate, loop_.deadline - loop_.elapsed) : finish();
+        return loop_.stops && is_late(time) ? harm(kLate, loop_.deadline - loop_.elapsed) : finish();
     }
 
 private:
     static constexpr int kRememberEvery = 8;
     static constexpr long kMostJitter = 8;  // [frames]
+
+    double time_of(std::int64_t step) const { return since_ + (step - since_step_) * loop_.period; }
+
+    void lengthen_steps(double time)
+    {
+        since_ = time;
+        since_step_ = step_;
+        const double ratio = loop_.period / loop_.later_period;
+        loop_.latency = std::lround(ratio * loop_.latency);
+        loop_.jitter *= ratio;
+        loop_.period = loop_.later_period;
+    }
 
     bool is_there() const { return error() <= 1.0; }
 
@@ -230,6 +243,7 @@ private:
         Vector6d command = commands_[latest_ % commands_.size()];
         if (loop_.dropped_frames == 0.0 || random_.uniform() >= loop_.dropped_frames)
             command = controller_.command(believed());
+        if (step_ == 0 && loop_.has_answer) command = loop_.answer;
         note_demand(command, time);
         // The command for frame k is carried out from frame k + latency on, later with jitter.
         latest_++;
@@ -268,7 +282,7 @@ private:
 
     const Scene &scene_;
     const LawOptions &law_;
-    const Loop &loop_;
+    Loop loop_;
     Controller controller_;
     Random random_;
     Pose camera_, error_;
@@ -276,8 +290,8 @@ private:
     std::vector<SceneLine> true_lines_;
     std::vector<Vector6d> commands_;
     std::vector<std::array<double, 2>> history_;
-    std::int64_t latest_ = 0, carried_out_ = 0, step_ = 0, counted_ = 0;
-    double surplus_ = 0.0, square_ = 0.0, focal_ = 1.0, first_linear_ = -1.0, first_angular_ = -1.0;
+    std::int64_t latest_ = 0, carried_out_ = 0, step_ = 0, since_step_ = 0, counted_ = 0;
+    double since_ = 0.0, surplus_ = 0.0, square_ = 0.0, focal_ = 1.0, first_linear_ = -1.0, first_angular_ = -1.0;
     Outcome out_;
 };
 

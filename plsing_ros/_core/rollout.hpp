@@ -40,13 +40,14 @@ struct Scene {
 };
 
 struct Loop {
-    double period, jitter, lag, robot_linear, robot_angular;
+    double period, later_period, jitter, lag, robot_linear, robot_angular;
     double image_noise, position_noise, rotation_noise, map_noise, focal_error;
     double dropped_frames, dropped_lines, tan_x, tan_y, near, min_length;
     double horizon, deadline, elapsed, start_distance, first_linear, first_angular;
     double demand_linear, demand_angular, path_linear, path_angular, arrived_for;
     int latency;
-    bool stops, pose_error_lasts;
+    bool stops, pose_error_lasts, has_answer = false;
+    Vector6d answer = Vector6d::Zero();
 };
 
 enum Kind : int { kArrived = 0, kAway = 1, kFewLines = 2, kLate = 3 };

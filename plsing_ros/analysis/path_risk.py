@@ -33,8 +33,8 @@ class PathRisk:
     Attributes:
         law: That is rolled out.
         probability: Share of the samples that come to harm, shape (k,).
-        demand: Largest commanded speed over the robot's limit, or over 1.5 times the first one if that is more: median
-            of the samples, shape (k,).
+        demand: Largest commanded speed over the robot's limit, or over 1.5 times the first one if that is more, as a
+            quarter of the samples reaches it, shape (k,).
         harm: The most frequent kind of each.
     """
 
@@ -87,7 +87,7 @@ def path_risk(
         outcomes = task.roll_out([pose] * samples, state, number)
         kinds = outcomes.kind[outcomes.kind != Harm.NONE]
         probability.append(outcomes.risk)
-        demand.append(float(np.median(outcomes.demand)))
+        demand.append(outcomes.demanded)
         harm.append(Harm(int(np.bincount(kinds).argmax())) if len(kinds) else Harm.NONE)
     return PathRisk(law.law, np.array(probability), np.array(demand), tuple(harm))
 

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A probability from one count after the other: what was counted lately stands by what is counted now."""
+"""A probability from one count after the other, and a size from one sample after the other: lately and now."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from plsing_ros.arrays import Array
+
 # What is believed before anything is counted: as if half a sample had been counted, a fifth of it harmed.
 _PRIOR_SAMPLES, _PRIOR_SHARE = 0.5, 0.2
 # A count that is this many standard errors off what was believed begins anew.
 _SURPRISE = 3.0
+# Samples that count for less than this are forgotten.
+_FORGOTTEN = 0.05
 
 
 class Evidence:
@@ -40,3 +46,26 @@ class Evidence:
         self._harmed = kept * self._harmed + harmed
         self._samples = kept * before + samples
         return (self._harmed + _PRIOR_SHARE * _PRIOR_SAMPLES) / (self._samples + _PRIOR_SAMPLES)
+
+
+class Sizes:
+    """Samples of a number, those of before forgotten by and by: how large it is, but for the largest of them."""
+
+    def __init__(self) -> None:
+        self._answers: list[tuple[float, Array]] = []
+
+    def add(self, samples: Array, kept: float, share: float) -> float:
+        """Return the size that this share of all samples reaches, after one more answer of them.
+
+        Args:
+            samples: Of the answer, shape (k,), k >= 1.
+            kept: Weight of what came before, over the one that it had.
+            share: Above 0, at most 1.
+        """
+        before = [(kept * weight, each) for weight, each in self._answers if kept * weight >= _FORGOTTEN]
+        self._answers = [*before, (1.0, samples)]
+        sizes = np.concatenate([each for _, each in self._answers])
+        weights = np.concatenate([np.full(len(each), weight) for weight, each in self._answers])
+        order = np.argsort(-sizes)
+        reached = np.cumsum(weights[order])
+        return float(sizes[order[int(np.searchsorted(reached, (share - 1e-9) * reached[-1]))]])

@@ -67,15 +67,30 @@ class LawCheck:
         return self._is_other
 
 
-def _is_of(task: RolloutTask, pose: Pose, observation: LineObservation, twist: Array) -> bool:
+def law_twist(task: RolloutTask, pose: Pose, observation: LineObservation) -> Array | None:
+    """Return the twist (6,) with which the law of a task answers what is seen, or None where that is not known.
+
+    Args:
+        task: Of the roll-outs.
+        pose: T_world_camera that the 3-D lines are made with.
+        observation: What is seen.
+    """
+    if task.law.law not in _COMPARED:
+        return None
     row_of = {i: row for row, i in enumerate(task.lines.ids)}
     image = np.zeros((len(task.lines), 3))
     for i, line in zip(observation.usable_ids, observation.usable_image_lines, strict=True):
         if i in row_of:
             image[row_of[i]] = line
     try:
-        law = task.twist(pose, image)
+        return task.twist(pose, image)
     except PlsingError:
+        return None
+
+
+def _is_of(task: RolloutTask, pose: Pose, observation: LineObservation, twist: Array) -> bool:
+    law = law_twist(task, pose, observation)
+    if law is None:
         return True
     square = float(law @ law)
     if square == 0.0:

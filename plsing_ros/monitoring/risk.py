@@ -17,15 +17,15 @@ from plsing_ros.arrays import Array
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
-from plsing_ros.monitoring.evidence import Evidence
-from plsing_ros.monitoring.law_check import LawCheck
+from plsing_ros.monitoring.evidence import Evidence, Sizes
+from plsing_ros.monitoring.law_check import LawCheck, law_twist
 from plsing_ros.monitoring.map_residuals import MapResiduals
 from plsing_ros.monitoring.rollout_setup import FIRST_STEPS, FRAME_PERIOD, MAX_STEPS, roll_out_around, rollout_task
 from plsing_ros.monitoring.run_clock import RunClock
 from plsing_ros.monitoring.segment_ends import SegmentEnds
 from plsing_ros.monitoring.shaking import expected_shaking
-from plsing_ros.parameters import MonitorParameters
-from plsing_ros.planning.rollout import Harm, Outcomes, RolloutLaw, RunState
+from plsing_ros.parameters import ControllerParameters, MonitorParameters
+from plsing_ros.planning.rollout import DEMAND_SHARE, Harm, Outcomes, RolloutLaw, RunState
 from plsing_ros.singularities import SingularSet
 
 _SECOND = 1_000_000_000
@@ -55,6 +55,8 @@ class Risk:
         law: Which was rolled out.
         T_world_camera: Where it starts.
         probability: Of harm within the horizon, by this answer's samples and those of about the last second.
+        demand: Largest commanded speed over the robot's limit, or 1.5 times the first one if that is more, as a quarter
+            of these samples reaches it.
         shaking: How far noise drives the camera about the target, root mean square [m]; None: not known yet.
         is_other: Whether the commanded twists are not those of the law.
         lacks_path: Whether the law waits for its path: what is rolled out is the straight way, which it may avoid.
@@ -65,14 +67,10 @@ class Risk:
     law: RolloutLaw
     T_world_camera: Pose
     probability: float
+    demand: float
     shaking: float | None = None
     is_other: bool = False
     lacks_path: bool = False
-
-    @cached_property
-    def demand(self) -> float:
-        """Largest commanded speed over the robot's limit, or 1.5 times the first one if that is more: its median."""
-        return float(np.median(self.outcomes.demand))
 
     @cached_property
     def time_to_harm(self) -> float | None:
@@ -122,7 +120,7 @@ class RiskPredictor:
         self._asked: int | None = None
         self._run = 0
         self._stamps: list[int] = []
-        self._evidence = Evidence()
+        self._evidence, self._speeds = Evidence(), Sizes()
         self._law_check = LawCheck()
         self._residuals: MapResiduals | None = None
         self._segments: SegmentEnds | None = None
@@ -202,7 +200,7 @@ class RiskPredictor:
         elapsed = self._clock.update(stamp, pose, T_world_target, parameters.degrees_of_freedom, deviation)
         if due and not self.is_awaited:
             if self._run != self._clock.run:
-                self._run, self._evidence = self._clock.run, Evidence()
+                self._run, self._evidence, self._speeds = self._clock.run, Evidence(), Sizes()
             self._asked = stamp
             if observation.ends is not None:
                 self._segments = self._segments or SegmentEnds(singular.lines)
@@ -247,20 +245,27 @@ class RiskPredictor:
         loop = (law, target, parameters, singular)
         held = self._shaking is not None and self._shaking[0] == loop
         shaking = self._shaking[1] if held and self._shaking is not None else None
-        does_compare = not (parameters.latency or parameters.integral_gain or any(parameters.secondary_twist))
+        is_known = not (parameters.latency or parameters.integral_gain or any(parameters.secondary_twist))
+        begins = is_known and clock.first_speeds[0] < 0.0
 
         def answer() -> _Answer | None:
             try:
                 residuals = None if map_residuals is None else map_residuals.rows()
                 seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose, path=path)
-                outcomes = roll_out_around(seen_task, pose, covariance, samples, state, seed)
+                # The first command is what demand is measured by: it is known as soon as its features are.
+                first = law_twist(task, pose, observation) if begins else None
+                if first is not None and observation.verdict is LinesVerdict.POOR:
+                    first = ControllerParameters.slow_scale * first
+                outcomes = roll_out_around(
+                    seen_task, pose, covariance, samples, dataclasses.replace(state, answer=first), seed
+                )
                 shakes = shaking
                 if shakes is None and not is_first:
                     shakes = expected_shaking(task, samples, seed, MAX_STEPS)
-                is_other = does_compare and check.is_other(task)
+                is_other = is_known and check.is_other(task)
             except PlsingError:
                 return None
-            risk = Risk(stamp, outcomes, law, pose, outcomes.risk, shakes, is_other, lacks_path)
+            risk = Risk(stamp, outcomes, law, pose, outcomes.risk, outcomes.demanded, shakes, is_other, lacks_path)
             return _Answer(run, loop, risk)
 
         return answer
@@ -306,13 +311,15 @@ class RiskPredictor:
         kept = math.exp(-max(since, 0.0) / _MEMORY)
         harmed = np.count_nonzero(risk.outcomes.kind)
         if self._latest is not None and self._latest.lacks_path and not risk.lacks_path:
-            self._evidence = Evidence()
+            self._evidence, self._speeds = Evidence(), Sizes()
         if risk.shaking is not None:
             self._shaking = answer.loop, risk.shaking
         if clock.first_speeds[0] < 0.0:
             first = risk.outcomes.first_linear_speed, risk.outcomes.first_angular_speed
             clock.first_speeds = (float(np.median(first[0])), float(np.median(first[1])))
-        self._latest = dataclasses.replace(risk, probability=self._evidence.add(harmed, len(risk.outcomes.kind), kept))
+        probability = self._evidence.add(harmed, len(risk.outcomes.kind), kept)
+        demand = self._speeds.add(risk.outcomes.demand, kept, DEMAND_SHARE)
+        self._latest = dataclasses.replace(risk, probability=probability, demand=demand)
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,14 +51,14 @@ def rollout_task(
     """
     lines: LineSet = singular.lines
     horizon = law.horizon
-    # Never more steps than an answer may cost; latency stays what it is in seconds.
-    step = max(period, horizon * parameters.samples / max_steps)
     linear, angular = parameters.robot_linear_speed or math.inf, parameters.robot_angular_speed or math.inf
     loop = LoopModel(
-        period=step,
+        period=period,
+        # No more steps than an answer may cost, but for the first second, in which the speed may rise and fall.
+        later_period=max(period, horizon * parameters.samples / max_steps),
         # What the law looks ahead by itself does not delay it.
-        latency=max(round((parameters.frames_late * period - parameters.latency) / step), 0),
-        jitter=parameters.jitter * period / step,
+        latency=max(round(parameters.frames_late - parameters.latency / period), 0),
+        jitter=parameters.jitter,
         lag=parameters.robot_lag,
         robot_linear_speed=linear if parameters.robot_clamps else math.inf,
         robot_angular_speed=angular if parameters.robot_clamps else math.inf,

@@ -34,11 +34,9 @@ def expected_shaking(task: RolloutTask, samples: int, seed: int, max_steps: int)
     """
     loop = task.loop
     horizon = min(_TIME_CONSTANTS / task.law.gain, _LONGEST)
-    period = max(loop.period, horizon * samples / max_steps)
     still = dataclasses.replace(
         loop,
-        period=period,
-        latency=round(loop.latency * loop.period / period),
+        later_period=horizon * samples / max_steps,
         map_noise=0.0,
         focal_error=0.0,
         horizon=horizon,

@@ -26,6 +26,8 @@ HALF_LENGTH = 50.0
 # Deadline of a task: so many time constants of the law, and so much for the robot [s]; the least on a path [s].
 _TIME_CONSTANTS, _ALLOWANCE, _PATH_DEADLINE = 10.0, 4.0, 60.0
 _MAX_HORIZON = 60.0  # [s]
+# A demand counts as large as this share of the samples makes it.
+DEMAND_SHARE = 0.25
 # Which L a law inverts with interaction = auto.
 _AUTO = {"guarded": "mean", "detour": "target"}
 
@@ -113,7 +115,8 @@ class LoopModel:
     """Everything between the law and the camera's motion.
 
     Attributes:
-        period: Between two frames [s].
+        period: Between two frames, which are the steps of the first second [s].
+        later_period: Between two steps after that [s]; what is less than the period stands for it.
         latency: Frames after which a command is carried out.
         jitter: Standard deviation of what comes on top of it, frames.
         lag: Time constant of the robot [s].
@@ -140,6 +143,7 @@ class LoopModel:
     """
 
     period: float = 1.0 / 30.0
+    later_period: float = 0.0
     latency: int = 0
     jitter: float = 0.0
     lag: float = 0.0
@@ -185,6 +189,7 @@ class RunState:
         motion: The robot's twist now (v, omega), shape (6,) [m/s, rad/s].
         command: The latest commanded twist, not yet carried out, shape (6,).
         arrived_for: How long the camera has been within 5 cm and 2 degrees of the target [s].
+        answer: The twist that is commanded for what is seen now, shape (6,), not yet made; None: each sample's own.
     """
 
     deadline: float
@@ -195,6 +200,7 @@ class RunState:
     motion: Array = field(default_factory=lambda: np.zeros(6))
     command: Array = field(default_factory=lambda: np.zeros(6))
     arrived_for: float = 0.0
+    answer: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +237,12 @@ class Outcomes:
     def risk(self) -> float:
         """Share of the samples that come to harm."""
         return float(np.count_nonzero(self.kind)) / len(self.kind)
+
+    @property
+    def demanded(self) -> float:
+        """The demand that a quarter of the samples reaches."""
+        rank = math.ceil(DEMAND_SHARE * len(self.demand))
+        return float(np.sort(self.demand)[-rank])
 
     def replaced(self, rows: Sequence[int], by: Outcomes) -> Outcomes:
         """Return these with others in the place of some samples, by their numbers."""

@@ -349,3 +349,31 @@ def test_detour_is_rolled_out_along_what_is_left_of_its_path(begun, out_for, awa
     assert away.harm_time[0] == pytest.approx(away_at, abs=0.1)
     straight = dataclasses.replace(task, path=())
     assert Harm(straight.roll_out([path[0]], RunState(60.0, 0.0), 0).kind[0]) is Harm.NONE
+
+
+@given(numbers(0.02, 0.1), numbers(0.02, 0.5), numbers(0.1, 1.5))
+def test_steps_are_frames_for_a_second_and_longer_ones_from_then_on(period, later, gain):
+    # On the straight way each step leaves the same share of the distance.
+    distance, horizon = 0.8, 4.0
+    law = RolloutLaw("position", gain=gain)
+    loop = LoopModel(period=period, later_period=later, horizon=horizon, stops=False)
+    found = RolloutTask(LINES, TARGET, law, loop).roll_out(
+        [offset_pose([0.0] * 3, [distance, 0.0, 0.0])], RunState(1e3, distance), 0
+    )
+    frames = next(k for k in range(1000) if k * period >= 1.0)
+    later = max(later, period)
+    after = next(k for k in range(1000) if frames * period + k * later >= horizon * (1.0 - 1e-9))
+    left = distance * (1.0 - gain * period) ** frames * (1.0 - gain * later) ** after
+    assert found.distance[0] == pytest.approx(left, abs=1e-9)
+
+
+@given(numbers(0.01, 2.0), numbers(0.5, 5.0))
+def test_demand_refers_to_the_first_command_where_that_is_known(first, gain):
+    task = RolloutTask(LINES, TARGET, RolloutLaw("position", gain=gain), LoopModel(period=1e-3, horizon=0.5))
+    answer = np.array([0.0, 0.0, first, 0.0, 0.0, 0.0])
+    start = offset_pose([0.0] * 3, [0.8, 0.0, 0.0])
+    found = task.roll_out([start], RunState(1e3, 0.8, answer=answer), 0)
+    assert found.first_linear_speed[0] == pytest.approx(first)
+    # From the second frame on the law commands what it does at a distance of about 0.8 m.
+    largest = max(first, gain * 0.8) / max(0.25, 1.5 * first)
+    assert found.demand[0] == pytest.approx(largest, rel=0.03)
