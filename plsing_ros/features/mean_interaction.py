@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from plsing_ros import _core
 from plsing_ros.arrays import Array
 
 
@@ -24,5 +21,10 @@ def mean_interaction(current: Array, image: Array, target: Array, target_image: 
 
     Source: the mean of ViSP, which has the features (r, a); in three coordinates new, docs/controller.md.
     """
-    current, target = np.ascontiguousarray(current), np.ascontiguousarray(target)
-    return _core.mean_interaction(image, target_image, current, target)
+    a, b = image.reshape(-1, 3), target_image.reshape(-1, 3)
+    rows = target.reshape(len(b), 3, -1)
+    turned = rows.copy()
+    change_of_angle = b[:, :1] * rows[:, 1] - b[:, 1:2] * rows[:, 0]
+    turned[:, 0], turned[:, 1] = -a[:, 1:2] * change_of_angle, a[:, :1] * change_of_angle
+    mean: Array = 0.5 * (current + turned.reshape(target.shape))
+    return mean

@@ -30,17 +30,30 @@ def rank_basis(lines: LineSet, pose_or_center: Pose | npt.ArrayLike, normalized:
     Source: eq. basiseta and eq. fandmdirections with Q = C.
     """
     center = checked_center("pose_or_center", pose_or_center)
-    direction = lines.direction
-    # The moment about C is CM x u = -f.
-    f = cross(center, direction) - lines.moment
-    m = cross(direction, f)
-    rows = np.zeros((len(lines), 2, 6))
-    rows[:, 0, :3] = f
-    # With M_i closest to C: CM_i = f x u = -m.
-    rows[:, 0, 3:] = cross(f, m)
-    rows[:, 1, 3:] = m
-    xi: Array = rows.reshape(-1, 6)
+    xi: Array = rank_bases(lines.direction, lines.point, center[np.newaxis], normalized)[0]
+    return xi
+
+
+def rank_bases(direction: Array, point: Array, centers: Array, normalized: bool = False, on_line: float = 0.0) -> Array:
+    """Return rank_basis of n lines at k camera centres, shape (k, 2n, 6), without its checks.
+
+    Args:
+        direction: Unit directions, shape (n, 3).
+        point: A point on each line, shape (n, 3).
+        centers: Shape (k, 3).
+        normalized: As for rank_basis.
+        on_line: The rows of a line that is no farther from the centre are zero then.
+    """
+    f = cross(direction, point - centers[:, np.newaxis])
+    square = (f * f).sum(axis=2, keepdims=True)
+    rows = np.zeros((*f.shape[:2], 2, 6))
+    rows[:, :, 0, :3] = f
+    # With M_i closest to C: CM_i x f_i = |f_i|^2 u_i.
+    rows[:, :, 0, 3:] = square * direction
+    rows[:, :, 1, 3:] = cross(direction, f)
     if normalized:
-        length = np.linalg.norm(xi, axis=1, keepdims=True)
-        xi = np.divide(xi, length, out=np.zeros_like(xi), where=length > 0.0)
+        distance = np.sqrt(square)
+        size = np.stack([distance * np.sqrt(1.0 + square), distance], axis=2)
+        rows = np.divide(rows, size, out=np.zeros_like(rows), where=size > on_line)
+    xi: Array = rows.reshape(len(centers), -1, 6)
     return xi

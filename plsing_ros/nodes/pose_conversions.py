@@ -9,12 +9,12 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Transform
 from std_msgs.msg import Header
 
 from plsing_msgs.msg import PoseEstimate as PoseEstimateMessage
-from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import Pose
 from plsing_ros.nodes.conversions import flat, locus_distance_message, twist_message
 from plsing_ros.pose import PoseEstimate
+from plsing_ros.pose.received_poses import covariance_or_none
 
 
 def pose_message(T_world_camera: Pose) -> PoseMessage:
@@ -68,7 +68,7 @@ def covariance_from_message(message: PoseWithCovarianceStamped) -> Array | None:
 
     None if it is zero, or no covariance: not finite, or with a negative variance.
     """
-    return _core.pose_covariance(message.pose.covariance.reshape(6, 6))
+    return covariance_or_none(message.pose.covariance.reshape(6, 6))
 
 
 def pose_from_message(message: PoseStamped, frame: str) -> Pose:

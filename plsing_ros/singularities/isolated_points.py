@@ -118,9 +118,17 @@ def _solve(direction: Array, point: Array, forms: Array) -> TenPoints:
     if rough.any():
         scene = rough.nonzero()[0]
         h[rough], center[rough], residual[rough] = _polished(h[rough], w[rough], direction[scene], point[scene])
-    real, overlap = _core.tell_points_apart(h, center, _REAL)
-    distinct = overlap < 1.0 - 0.5 * _SEPARATION**2
-    return TenPoints(center, real, residual, distinct & (residual.max(axis=1) <= RESIDUAL_TOLERANCE), margin)
+    with np.errstate(invalid="ignore"):
+        real = np.abs(center.imag).max(axis=2) <= _REAL * (1.0 + np.abs(center).max(axis=2))
+    complete = are_distinct(h) & (residual.max(axis=1) <= RESIDUAL_TOLERANCE)
+    return TenPoints(center, real, residual, complete, margin)
+
+
+def are_distinct(h: ComplexArray) -> BoolArray:
+    """Return for which scenes no two of k points, unit homogeneous vectors (S, k, 4), are the same, shape (S,)."""
+    overlap = np.abs(h.conj() @ h.swapaxes(1, 2)) - np.eye(h.shape[1])
+    distinct: BoolArray = overlap.max(axis=(1, 2)) < 1.0 - 0.5 * _SEPARATION**2
+    return distinct
 
 
 def _residuals(center: ComplexArray, direction: Array, point: Array) -> Array:

@@ -14,6 +14,7 @@ from scipy.stats import qmc
 from plsing_ros import _core
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError
+from plsing_ros.features.rank_basis import rank_bases
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.pose import checked_center
 from plsing_ros.singularities.scene_frame import SceneFrame
@@ -123,15 +124,8 @@ def conditions_at(frame: SceneFrame, centers: Array) -> Array:
 
     Accurate to about 1e-8, the root of the rounding. Rows of a line that a centre is on are zero.
     """
-    u = frame.direction
-    f = np.cross(u, frame.point - np.asarray(centers, dtype=float)[:, np.newaxis])
-    square = np.einsum("kij,kij->ki", f, f)[..., np.newaxis]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        upper = np.concatenate([f, square * u], axis=2) / np.sqrt(square * (1.0 + square))
-        lower = np.concatenate([np.zeros_like(f), np.cross(u, f)], axis=2) / np.sqrt(square)
-    rows = np.concatenate([upper, lower], axis=1)
-    rows[np.isnan(rows)] = 0.0
-    values: Array = np.linalg.eigvalsh(rows.transpose(0, 2, 1) @ rows)
+    rows = rank_bases(frame.direction, frame.point, centers, normalized=True)
+    values = np.linalg.eigvalsh(rows.transpose(0, 2, 1) @ rows)
     smallest, largest = np.maximum(values[:, 0], 0.0), values[:, 5]
     share = np.divide(smallest, largest, out=np.zeros(len(values)), where=largest > 0.0)
     found: Array = np.sqrt(share)

@@ -46,16 +46,3 @@ def residuals_and_distances(point: Array, direction: Array, centers: npt.NDArray
     if point.shape[1] < 3:
         return np.zeros(len(centers)), np.ones(len(centers))
     return _core.singularity_ratios(direction, point, np.ascontiguousarray(centers, dtype=complex), _ON_LINE)
-
-
-def normalized_rank_basis(point: Array, direction: Array, center: Array) -> Array:
-    """Return the row-normalised xi about a centre, shape (2n, 6), in the unit of singularity_residuals.
-
-    First the n rows [f_i, |f_i|^2 u_i], then the n rows [0, m_i].
-
-    Args:
-        point: A point on each line, shape (n, 3).
-        direction: Unit directions, of the same shape.
-        center: Shape (3,).
-    """
-    return _core.rank_basis(direction, point, center, _ON_LINE)

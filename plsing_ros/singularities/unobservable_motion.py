@@ -10,12 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros.arrays import Array, cross
+from plsing_ros.features.rank_basis import rank_bases
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.geometry.pose import checked_center
-from plsing_ros.singularities.residual import normalized_rank_basis
 
 # Share of the largest singular value of the row-normalised xi up to which a motion counts as invisible.
 _TOLERANCE = 1e-6
+
+# Distance of a line to the centre, in the root mean square one, up to which the centre is on it.
+_ON_LINE = 1e-12
 
 
 class MotionKind(enum.Enum):
@@ -78,7 +81,8 @@ def unobservable_motions(lines: LineSet, pose_or_center: Pose | npt.ArrayLike) -
     point = lines.point
     distance = float(np.sqrt((cross(point - center, lines.direction) ** 2).sum(axis=1).mean()))
     unit = distance if distance > 0.0 else 1.0
-    xi = normalized_rank_basis(point, lines.direction, center)
+    relative = (point - center) / unit
+    xi = rank_bases(lines.direction, relative, np.zeros((1, 3)), normalized=True, on_line=_ON_LINE)[0]
     if len(xi) < 6:
         xi = np.concatenate([xi, np.zeros((6 - len(xi), 6))])
     _, singular_values, right = np.linalg.svd(xi)

@@ -4,10 +4,13 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from strategies import numbers, poses, seen_lines, twists
+from hypothesis import strategies as st
+from strategies import line_sets, numbers, poses, seen_lines, twists, vectors
 
 from plsing_ros.errors import DegenerateProjectionError
 from plsing_ros.features import interaction_matrix, project_lines, rank_basis
+from plsing_ros.features.mean_interaction import mean_interaction
+from plsing_ros.features.rank_basis import rank_bases
 from plsing_ros.geometry import LineSet
 
 STEP = 1e-6
@@ -75,6 +78,33 @@ def test_the_rank_basis_does_not_depend_on_orientation(lines, T_world_camera):
     in_camera = rank_basis(seen(lines, T_world_camera), [0, 0, 0])
     first, second = np.linalg.svd(in_world)[1], np.linalg.svd(in_camera)[1]
     np.testing.assert_allclose(first, second, atol=1e-7 * (1 + first.max()))
+
+
+@given(lines=line_sets(max_size=4), centers=st.lists(vectors(), min_size=1, max_size=3))
+def test_rank_bases_at_many_centres_are_those_of_the_definition(lines, centers):
+    found = rank_bases(lines.direction, lines.point, np.array(centers), normalized=True, on_line=1e-6)
+    for rows, center in zip(found, centers, strict=True):
+        for line, (u, point) in enumerate(zip(lines.direction, lines.point, strict=True)):
+            f = np.cross(u, point - center)
+            expected = np.array([[*f, *(f @ f * u)], [0.0, 0.0, 0.0, *np.cross(u, f)]])
+            away = np.linalg.norm(f)
+            scale = 1.0 / np.linalg.norm(expected, axis=1, keepdims=True) if away > 1e-6 else 0.0
+            np.testing.assert_allclose(rows[2 * line : 2 * line + 2], expected * scale, atol=1e-12)
+
+
+@given(image=vectors(6, -3.0, 3.0), numbers=vectors(72, -1.0, 1.0), columns=st.integers(1, 6))
+def test_the_mean_is_that_of_changes_of_angle_and_offset(image, numbers, columns):
+    a, b, offset, target_offset = *image.reshape(3, 2)[:2], image[4], image[5]
+    s = np.column_stack([np.cos(a), np.sin(a), [offset, 1.0]])
+    s_target = np.column_stack([np.cos(b), np.sin(b), [target_offset, -1.0]])
+
+    def rows(s, turn, shift):
+        """What image lines have: d (cos a, sin a, r) = (-sin a da, cos a da, dr)."""
+        return np.stack([-s[:, 1:2] * turn, s[:, :1] * turn, shift], axis=1).reshape(6, columns)
+
+    da, dr, db, dq = (each[:, :columns] for each in numbers.reshape(4, 2, 9))
+    mean = mean_interaction(rows(s, da, dr), s.ravel(), rows(s_target, db, dq), s_target.ravel())
+    np.testing.assert_allclose(mean, rows(s, 0.5 * (da + db), 0.5 * (dr + dq)), atol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,15 @@ from plsing_ros.errors import GeometryError
 from plsing_ros.features import feature_error, solve_least_squares
 
 
-@pytest.mark.parametrize("shape", [(12, 6), (9, 6), (3, 6), (9, 2)])
+@pytest.mark.parametrize(
+    "shape", [(12, 6), (9, 6), (5, 6), (3, 6), (12, 1), (12, 3), (12, 5), (9, 2), (6, 5), (1, 2), (0, 4)]
+)
 def test_the_shortest_of_the_least_squares_solutions(shape):
     matrix, right_side = np.random.default_rng(0).normal(size=shape), np.linspace(-1.0, 2.0, shape[0])
     expected = np.linalg.lstsq(matrix, -0.5 * right_side, rcond=None)[0]
-    np.testing.assert_allclose(solve_least_squares(matrix, right_side, -0.5).solution, expected, atol=1e-13)
+    found = solve_least_squares(matrix, right_side, -0.5)
+    np.testing.assert_allclose(found.solution, expected, atol=1e-13)
+    assert (found.singular_values > 0.0).sum() == min(shape)
 
 
 @pytest.mark.parametrize("rows", [3, 6, 12])

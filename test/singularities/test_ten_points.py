@@ -11,6 +11,7 @@ from singular_scenes import PAPER_FOUR, integer_scenes, line_set, min_ratio, sam
 
 from plsing_ros.errors import GeometryError
 from plsing_ros.singularities import IsolatedStatus, singular_set, solve_four_line_scenes
+from plsing_ros.singularities.isolated_points import are_distinct
 from plsing_ros.singularities.proofs.exact import exact_point_count
 
 PRIME = 32003
@@ -201,6 +202,17 @@ def test_batch_agrees_with_one_by_one_and_does_not_depend_on_the_chunk():
         assert same_points(batch.points[scene], singular.isolated_points_complex, 1e-7)
         assert same_points(small.points[scene], singular.isolated_points_complex, 1e-7)
         assert (batch.discriminant[scene] > 0.0) == (len(singular.transversals) == 2)
+
+
+@pytest.mark.parametrize(("apart", "distinct"), [(1e-6, True), (1e-8, False)])
+def test_two_points_nearer_than_a_ten_millionth_are_one(apart, distinct):
+    """Whatever the phase of their homogeneous coordinates."""
+    h = np.random.default_rng(0).normal(size=(2, 10, 4)) + 1j * np.random.default_rng(1).normal(size=(2, 10, 4))
+    across = h[0, 4] - np.vdot(h[0, 2], h[0, 4]) / np.vdot(h[0, 2], h[0, 2]) * h[0, 2]
+    size = np.linalg.norm(h[0, 2]) / np.linalg.norm(across)
+    h[0, 9] = 1j * (h[0, 2] + apart * size * across)
+    h /= np.linalg.norm(h, axis=2, keepdims=True)
+    assert are_distinct(h).tolist() == [distinct, True]
 
 
 def test_batch_names_the_line_without_direction():
