@@ -43,6 +43,10 @@ class LookAhead:
         self._sent.clear()
         self._motions.clear()
 
+    def forget_motions(self) -> None:
+        """Drop what was computed for twists under way, which are still remembered."""
+        self._motions.clear()
+
     def sent(self, twist: Array, stamp: int) -> None:
         """Take note of a twist (6,) of the camera that answers an image of that stamp [ns]."""
         sent = self._sent

@@ -16,12 +16,12 @@ from plsing_ros.control.gate_exit import leave
 from plsing_ros.control.latency import FeatureAge
 from plsing_ros.control.pose_laws import PoseErrors
 from plsing_ros.control.servo_cycle import ServoCycle, known_pose
-from plsing_ros.errors import GeometryError, ObservationError, PlsingError
+from plsing_ros.control.usable_lines import common_lines, stand_for, usable_covariances
+from plsing_ros.errors import ObservationError, PlsingError
 from plsing_ros.features import LineObservation, LinesVerdict, checked_observation
 from plsing_ros.features.consistency import ConsistencyCheck, left_out_text
 from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.geometry.line_alignment import matched
 from plsing_ros.levels import Level
 from plsing_ros.parameters import ControllerParameters
 from plsing_ros.parameters.options import parameters_from_options, pose_options
@@ -39,8 +39,6 @@ __all__ = ["MINIMUM_LINES", "Command", "Mode", "ServoController"]
 
 # A variance that is not known any more: beyond every speed, and finite.
 _ANY = 1e100
-# 3-D lines that differ less from those at a pose were computed from it [m], [1].
-_SAME = 1e-4
 # Laws that ask how far the pose may be off.
 _BY_POSE = ("detour", "position", "fused")
 _DISABLED = "switched off: by ~/enable, or by the parameter enabled at the start"
@@ -142,7 +140,7 @@ class ServoController:
                 self._target, self._loci = target, loci
                 self._restart()
             elif self._cycle is not None:
-                self._cycle.parameters = parameters
+                self._cycle.change_parameters(parameters)
             self._check_target()
 
         return put_in_force
@@ -178,16 +176,16 @@ class ServoController:
         """Where it leads, or None if not known yet."""
         return self._target
 
-    def set_target(self, desired: LineObservation) -> None:
+    def set_target(self, target: LineObservation) -> None:
         """Use these image lines as s* from now on.
 
         Raises:
             ObservationError: If fewer than three of them are usable, or they contradict themselves or the scene.
         """
-        problem = self._check.contradiction(desired)
+        problem = self._check.contradiction(target)
         if problem is not None:
             raise ObservationError(problem)
-        self._target = Target(desired, "desired features")
+        self._target = Target(target, "desired features")
         if self._cycle is None:
             self._restart()
         else:
@@ -286,11 +284,11 @@ class ServoController:
         if closed is not None and not self.gate.may_be_left(now):
             self._pause()
             return Command(Mode.HALTED, closed)
-        lines, image = _common(observation, cycle.target)
+        lines, image = common_lines(observation, cycle.target)
         self._seen = lines
         trust = parameters.slow_scale if reaction == "slow" else 1.0
         self._errors = self._pose_errors(observation, lines, told)
-        command = cycle.command(lines, image, trust, stamp, _covariances(observation, lines.ids), self._errors)
+        command = cycle.command(lines, image, trust, stamp, usable_covariances(observation, lines.ids), self._errors)
         if closed is not None:
             self._pause()
             command = leave(command, lines, closed)
@@ -347,7 +345,7 @@ class ServoController:
         if self.parameters.law not in _BY_POSE:
             return None
         covariance = None if told is None else told.covariance_camera()
-        if told is None or covariance is None or self._loci is None or not _stand_for(lines, self._loci.lines, told):
+        if told is None or covariance is None or self._loci is None or not stand_for(lines, self._loci.lines, told):
             return None
         return PoseErrors(covariance, True)
 
@@ -424,17 +422,6 @@ class ServoController:
             )
 
 
-def _stand_for(lines: LineSet, scene: LineSet, told: ReceivedPose) -> bool:
-    """Return whether 3-D lines are those of the scene as seen from a pose, and so as uncertain as it is."""
-    try:
-        there = matched(scene, lines).transformed(told.T_world_camera.inverse(), lines.frame)
-    except GeometryError:
-        return False
-    return bool(
-        np.abs(there.moment - lines.moment).max() < _SAME and np.abs(there.direction - lines.direction).max() < _SAME
-    )
-
-
 def _task(parameters: ControllerParameters) -> tuple[object, ...]:
     """Return what a target and a scene are made from."""
     return (
@@ -454,37 +441,3 @@ def _reaction(verdict: LinesVerdict, parameters: ControllerParameters) -> str:
 
 def _with_note(command: Command, note: str) -> Command:
     return command._replace(reason=f"{command.reason}; {note}" if command.reason else note)
-
-
-def _covariances(observation: LineObservation, ids: tuple[int, ...]) -> Array | None:
-    """Return those of the image lines of some usable ids, shape (k, 3), or None if they are not known."""
-    known = observation.usable_covariances
-    if known is None or ids == observation.usable_ids:
-        return known
-    row_of = {i: row for row, i in enumerate(observation.usable_ids)}
-    chosen: Array = known[[row_of[i] for i in ids]]
-    return chosen
-
-
-def _common(observation: LineObservation, target: Target) -> tuple[LineSet, Array]:
-    """Return the 3-D lines that are in sight and in the target, and their image lines, shape (3n,).
-
-    Raises:
-        ObservationError: If there are fewer than three, or no 3-D lines.
-    """
-    seen = observation.lines_camera
-    if seen is not None and seen.ids == target.ids:
-        return seen, observation.usable_image_lines.ravel()
-    ids = observation.usable_ids
-    if seen is None:
-        if ids:
-            why = observation.verdict_reason or "directions and moments are empty"
-            raise ObservationError(f"features have no 3-D lines ({why}), which the interaction matrix needs")
-        raise ObservationError("none of the observed lines is usable")
-    rows = [row for row, i in enumerate(ids) if i in target]
-    if len(rows) < MINIMUM_LINES:
-        raise ObservationError(
-            f"only {len(rows)} usable line(s) with a target (usable: {list(ids)}, target: {list(target.ids)}); "
-            f"at least {MINIMUM_LINES} are needed"
-        )
-    return seen.select(rows), observation.usable_image_lines[rows].ravel()

@@ -16,9 +16,9 @@ from plsing_ros.control.gain import law_gain
 from plsing_ros.control.guard import guarded_scale
 from plsing_ros.control.integral import ErrorIntegral
 from plsing_ros.control.latency import LookAhead
-from plsing_ros.control.plain_law import plain_twist
+from plsing_ros.control.plain_law import compute_plain_twist
 from plsing_ros.control.pose_laws import PoseErrors, PoseLaws
-from plsing_ros.control.saturation import saturated
+from plsing_ros.control.saturation import saturate
 from plsing_ros.control.stall import StallWatch
 from plsing_ros.control.tool import tool_twist
 from plsing_ros.control.twist_covariance import image_twist_covariance
@@ -62,7 +62,7 @@ class ServoCycle:
         """Begin a run.
 
         Args:
-            parameters: May be replaced while running.
+            parameters: To begin with; change_parameters replaces them.
             target: Where to go.
             loci: Of the scene, or None if it is not known.
             T_world_target: Camera pose at the target, or None if it is not known.
@@ -92,6 +92,12 @@ class ServoCycle:
             self._path = None
         elif self._path is None or not self._path.leads_to(T_world_target):
             self._path = PathTracker(self._loci, T_world_target, target.lines, self._planner)
+
+    def change_parameters(self, parameters: ControllerParameters) -> None:
+        """Go on with other parameters."""
+        self.parameters = parameters
+        if parameters.latency == 0.0:
+            self._look_ahead.forget_motions()
 
     @property
     def plan(self) -> Plan | None:
@@ -143,7 +149,7 @@ class ServoCycle:
             lines, image = self._look_ahead.ahead(lines, image, stamp, parameters.latency)
         if parameters.is_plain:
             view = self.target.view(lines.ids, parameters.columns)
-            plain = plain_twist(parameters, lines, image, view.image)
+            plain = compute_plain_twist(parameters, lines, image, view.image)
             if plain is not None:
                 self._spread = partial(_image_spread, parameters, lines, image, view, self._errors)
                 return self._within_limits(lines, *plain, None, trust, stamp)
@@ -262,7 +268,7 @@ class ServoCycle:
         linear, angular = parameters.speed_limits
         # As a whole no longer than the lower limit: within both.
         if scale * speed > linear or scale * speed > angular:
-            twist, limited = saturated(twist, linear, angular)
+            twist, limited = saturate(twist, linear, angular)
         output = twist if not parameters.tool_frame else self._tool_twist(twist)
         if output is None:
             return self._halted(f"the camera twist {twist.tolist()} is not finite in {parameters.tool_frame}")

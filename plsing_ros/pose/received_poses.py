@@ -6,8 +6,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-import numpy as np
-
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.rotations import turned_covariance
@@ -15,8 +14,6 @@ from plsing_ros.geometry.rotations import turned_covariance
 _SECOND = 1_000_000_000
 # Poses and features come on two topics: enough poses to find the one that belongs to features that were overtaken.
 _REMEMBERED_POSES = 10
-# By which a variance may be below zero.
-_ROUNDING = 1e-9 * np.eye(6)
 
 
 def covariance_or_none(values: Array) -> Array | None:
@@ -24,17 +21,7 @@ def covariance_or_none(values: Array) -> Array | None:
 
     It is none if it is not finite or has an eigenvalue below zero by more than rounding leaves.
     """
-    if not values.any():
-        return None
-    with np.errstate(over="ignore", invalid="ignore"):
-        symmetric: Array = 0.5 * (values + values.T)
-    if not np.isfinite(symmetric).all() or not symmetric.any():
-        return None
-    try:
-        np.linalg.cholesky(symmetric + _ROUNDING)
-    except np.linalg.LinAlgError:
-        return None
-    return symmetric
+    return _core.pose_covariance(values)
 
 
 class ReceivedPose(NamedTuple):

@@ -11,7 +11,8 @@ from plsing_ros.singularities.meshing import surface_triangles
 from plsing_ros.singularities.nearest_transversal import NearestTransversal
 from plsing_ros.singularities.proximity import Proximity
 from plsing_ros.singularities.screw_curve import ScrewCurve
-from plsing_ros.singularities.singular_set import SingularSet, singular_set
+from plsing_ros.singularities.singular_centers import SingularSet
+from plsing_ros.singularities.singular_set import singular_set
 from plsing_ros.singularities.surfaces import Surface
 from plsing_ros.singularities.transversals import Transversal, TransversalFamily
 from plsing_ros.singularities.unobservable_motion import MotionKind, UnobservableMotion, unobservable_motions

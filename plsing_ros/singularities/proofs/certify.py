@@ -33,7 +33,7 @@ from plsing_ros.singularities.proofs.exact_certificates import everywhere_certif
 from plsing_ros.singularities.proofs.interval import Certificate, certify_isolated_point, certify_transversal
 from plsing_ros.singularities.proofs.rational_lines import RationalLines, rational_lines
 from plsing_ros.singularities.scene_frame import SceneFrame
-from plsing_ros.singularities.singular_set import SingularSet
+from plsing_ros.singularities.singular_centers import SingularSet
 
 # Four-line subsets of more lines that are tried for a proof; a point can be a singular solution for some of them.
 _CERTIFIED_SUBSETS = 3

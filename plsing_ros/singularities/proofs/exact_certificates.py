@@ -26,7 +26,7 @@ from plsing_ros.singularities.proofs.exact import (
 from plsing_ros.singularities.proofs.interval import Certificate
 from plsing_ros.singularities.proofs.rational_lines import RationalLines
 from plsing_ros.singularities.scene_frame import SceneFrame
-from plsing_ros.singularities.singular_set import SingularSet
+from plsing_ros.singularities.singular_centers import SingularSet
 from plsing_ros.singularities.transversals import TransversalFamily, observed_rows
 
 # Four-line subsets whose axis polynomials are compared.
