@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmark import visp
 from benchmark.timing import median_seconds
-from plsing_ros.control.plain_law import plain_twist
+from plsing_ros.control.plain_law import compute_plain_twist
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.features import LineObservation, decompose, interaction_matrix, project_lines
 from plsing_ros.geometry import LineSet, Pose
@@ -79,7 +79,7 @@ def _own(lines: LineSet) -> dict[str, Callable[[], object]]:
     target = project_lines(lines.transformed(TARGET.inverse(), "camera"))
 
     def core() -> tuple[np.ndarray, float]:
-        asked, _ = plain_twist(parameters, seen, image, target)
+        asked, _ = compute_plain_twist(parameters, seen, image, target)
         return asked.twist, float(asked.values[-1] / asked.values[0])
 
     def textbook() -> tuple[np.ndarray, float]:

@@ -3,8 +3,8 @@
 
 The tasks are those of servo_tasks.py: 4 to 8 random lines, a third any two poses that see them (kind 0), a third across
 a line that meets them all (kind 1), a third past an isolated point or a transversal of four (kind 2). Runs are of
-law_runs.py, with the same tasks, the same noise and the same constant errors for every law. A few are repeated with the
-package's own controller, which must do the same.
+law_batches.py, with the same tasks, the same noise and the same constant errors for every law. A few are repeated with
+the package's own controller, which must do the same.
 
     python3 -m benchmark law_suite
     python3 -m benchmark.law_suite --seed 2 --tasks 100 --noise 0.002 --laws pinv detour
@@ -31,7 +31,7 @@ from tqdm import tqdm
 
 from benchmark.batch_simulation import Batch, Case
 from benchmark.constant_errors import ErrorSizes, task_errors
-from benchmark.law_runs import ARRIVED, TIME_STEP, TURNED, Outcome, noisy, run
+from benchmark.law_batches import ARRIVED, TIME_STEP, TURNED, Outcome, noisy, run
 from benchmark.law_variants import LAWS, LIMITS, Law
 from benchmark.servo_tasks import random_task
 from plsing_ros.control.servo_controller import ServoController

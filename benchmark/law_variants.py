@@ -132,7 +132,7 @@ def guard(law: Law, offset: np.ndarray, axis: np.ndarray, velocity: np.ndarray, 
     return 1.0 - (1.0 - law.guard_floor) * (1.0 - _smooth(health / law.onset)) * slow
 
 
-def saturated(twist: np.ndarray, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+def saturate(twist: np.ndarray, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Return twists (k, 6) within limits of |v| and |omega|, and the factors they were scaled by, shape (k,)."""
     speed, turning = np.linalg.norm(twist[:, :3], axis=1), np.linalg.norm(twist[:, 3:], axis=1)
     factor = 1.0 / np.maximum(1.0, np.maximum(speed / limits[0], turning / limits[1]))

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmark.servo_conditions import HALF_VIEW, ROBOT_LIMITS, Frame
-from plsing_ros.control.saturation import saturated
+from plsing_ros.control.saturation import saturate
 from plsing_ros.features import LineObservation, interaction_matrix
 from plsing_ros.geometry import LineSet, Pose
 
@@ -115,7 +115,7 @@ def predictive(now: Situation, gain: float) -> np.ndarray:
     (2010), with the twist constant over the horizon of 1 / lambda and two Gauss-Newton steps.
     """
     horizon = 1.0 / gain
-    twist = saturated(position_based(now, gain), *ROBOT_LIMITS)[0]
+    twist = saturate(position_based(now, gain), *ROBOT_LIMITS)[0]
     for _ in range(2):
         then = now.lines.transformed(Pose(np.eye(3), np.zeros(3)).integrate(twist, horizon).inverse(), "camera")
         seen = LineObservation.of_lines(then)
@@ -124,7 +124,7 @@ def predictive(now: Situation, gain: float) -> np.ndarray:
         L = interaction_matrix(then) * horizon
         error = seen.usable_image_lines.ravel() + (now.image - _image(now.lines)) - now.target_image
         step = np.linalg.solve(L.T @ L + 1e-3 * np.eye(6), L.T @ error)
-        twist = saturated(twist - step, *ROBOT_LIMITS)[0]
+        twist = saturate(twist - step, *ROBOT_LIMITS)[0]
     return twist
 
 

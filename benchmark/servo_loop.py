@@ -18,7 +18,7 @@ from benchmark.rivals import RIVALS, situation_of
 from benchmark.servo_conditions import FOCAL_LENGTH, FRAME_TIME, ROBOT_LIMITS, Camera, Condition, Frame, ServoTask
 from plsing_ros.arrays import cross
 from plsing_ros.control.latency import LookAhead
-from plsing_ros.control.saturation import saturated
+from plsing_ros.control.saturation import saturate
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation
@@ -162,7 +162,7 @@ class _Rival:
         lines, image = self._look_ahead.ahead(now.lines, now.image, stamp, self._latency)
         moved = now.T_target_camera @ self._look_ahead.motion(stamp, self._latency)
         now = replace(now, lines=lines, image=image, T_target_camera=moved)
-        twist = saturated(self._law(now, self._gain), *ROBOT_LIMITS)[0]
+        twist = saturate(self._law(now, self._gain), *ROBOT_LIMITS)[0]
         self._look_ahead.sent(twist, stamp)
         return twist
 
@@ -300,7 +300,7 @@ class _Run:
             self._still = 0 if twist.any() else self._still + 1
         while self._under_way and self._under_way[0][0] <= k:
             self._commanded = self._under_way.popleft()[1]
-        wanted = saturated(self._commanded, *ROBOT_LIMITS)[0] if condition.limited else self._commanded
+        wanted = saturate(self._commanded, *ROBOT_LIMITS)[0] if condition.limited else self._commanded
         self._actual = wanted + self._decay * (self._actual - wanted)
         self._move()
         self._frame += 1

@@ -48,8 +48,8 @@ class PaperResults:
         records: The plain runs in the core, by group.
         node_records: The same runs through the nodes, by group; empty if they were left out.
         law_records: The same runs with other laws, by law and group; empty if they were left out.
-        claims: Of the plain runs, by group.
-        claims_by_choice: By key of the choice and group; empty if they were left out.
+        paper_checks: Of the plain runs, by group.
+        checks_by_choice: By key of the choice and group; empty if they were left out.
         pose_errors: Of pose_quadrifolium.EXPERIMENTS; empty if they were left out.
         figures: PNG files by group, and under "map" and "pose" those.
         law_figures: PNG files of runs with all laws, by group.
@@ -59,7 +59,7 @@ class PaperResults:
     node_records: Mapping[str, Sequence[RunRecord]]
     law_records: Mapping[str, Mapping[str, Sequence[RunRecord]]]
     paper_checks: Mapping[str, Sequence[PaperCheck]]
-    claims_by_choice: Mapping[str, Mapping[str, Sequence[PaperCheck]]]
+    checks_by_choice: Mapping[str, Mapping[str, Sequence[PaperCheck]]]
     pose_errors: Sequence[PoseErrors]
     figures: Mapping[str, Sequence[Path]]
     law_figures: Mapping[str, Sequence[Path]] = field(default_factory=dict)
@@ -73,8 +73,8 @@ def document(results: PaperResults, folder: Path) -> str:
         parts.append(_pose(results, folder))
     if results.figures.get("map"):
         parts.append(_map(results.figures["map"], folder))
-    if len(results.claims_by_choice) > 1:
-        parts.append(_sensitivity(results.claims_by_choice))
+    if len(results.checks_by_choice) > 1:
+        parts.append(_sensitivity(results.checks_by_choice))
     if results.node_records:
         parts.append(_agreement(results))
     return "\n\n".join(parts) + "\n"
@@ -111,7 +111,7 @@ What the paper leaves open, and we chose:
 def _group(results: PaperResults, group: str, folder: Path) -> str:
     parts = [f"## {_TITLES[group]}", _INTRODUCTIONS[group]]
     parts += _images(results.figures.get(group, ()), folder)
-    parts.append(_claims_table(results.paper_checks[group]))
+    parts.append(_checks_table(results.paper_checks[group]))
     moving = results.records[group][0].target.ndim == 2 and group in (TRAJECTORIES, QUADRIFOLIA)
     parts.append(_laws_text(moving) if results.law_records else "In numbers:")
     parts.append(_runs_table({"plain": results.records, **results.law_records}, group, moving))
@@ -124,7 +124,7 @@ def _images(files: Sequence[Path], folder: Path) -> list[str]:
     return [f"![{file.stem.replace('_', ' ')}]({file.relative_to(folder)})" for file in files]
 
 
-def _claims_table(paper_checks: Sequence[PaperCheck]) -> str:
+def _checks_table(paper_checks: Sequence[PaperCheck]) -> str:
     return markdown_table(
         ["the paper says", "our criterion", "we measure", "holds"],
         [
@@ -144,7 +144,7 @@ def _pose(results: PaperResults, folder: Path) -> str:
             "Plücker coordinates in the scene frame. The paper used RPnL and virtual visual servoing; this is the "
             "estimator of `plsing_ros.pose`, before and after its refinement.",
             *(f"![translation errors]({file.relative_to(folder)})" for file in results.figures.get("pose", ())),
-            _claims_table(check_poses(results.pose_errors)),
+            _checks_table(check_poses(results.pose_errors)),
             pose_table(results.pose_errors),
             "The refined errors are those that this noise allows (`test/experiments/test_pose_quadrifolium.py`), so "
             "the paper's 0.1 mm may come from another noise model, or another estimator.",
@@ -228,14 +228,14 @@ transversals, isolated points, the hyperboloid and the cubic surface of the firs
 It needs no network."""
 
 
-def _sensitivity(claims_by_choice: Mapping[str, Mapping[str, Sequence[PaperCheck]]]) -> str:
-    keys = list(claims_by_choice)
+def _sensitivity(checks_by_choice: Mapping[str, Mapping[str, Sequence[PaperCheck]]]) -> str:
+    keys = list(checks_by_choice)
     rows: list[list[str]] = []
     exceptions: list[str] = []
-    for group, paper_checks in claims_by_choice[keys[0]].items():
+    for group, paper_checks in checks_by_choice[keys[0]].items():
         lines = _TITLES[group].split()[0]
         for number, paper_check in enumerate(paper_checks):
-            of_choices = {key: claims_by_choice[key][group][number] for key in keys}
+            of_choices = {key: checks_by_choice[key][group][number] for key in keys}
             rows.append(
                 [f"{lines}: {paper_check.statement}", *("+" if each.holds else "**-**" for each in of_choices.values())]
             )

@@ -43,7 +43,7 @@ class PaperCheck:
 
 
 def check_paper(records: Mapping[str, Sequence[RunRecord]]) -> dict[str, tuple[PaperCheck, ...]]:
-    """Return the claims by group of runs (paper.tasks), for the groups that are there."""
+    """Return the checks by group of runs (paper.tasks), for the groups that are there."""
     judges = {
         STARTS_FOUR: _of_starts_four,
         TRAJECTORIES: _of_trajectories,

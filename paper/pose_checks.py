@@ -19,7 +19,7 @@ _VERY_NEAR = 0.02
 
 
 def check_poses(results: Sequence[PoseErrors]) -> tuple[PaperCheck, ...]:
-    """Return the claims for the results of all of pose_quadrifolium.EXPERIMENTS, in that order."""
+    """Return the checks for the results of all of pose_quadrifolium.EXPERIMENTS, in that order."""
     generic, point, line, line_of_five, generic_of_five = results
     near = np.linalg.norm(point.true_center - point.experiment.center, axis=1) < _VERY_NEAR
     refined, first = point.refined_translation, point.first_translation

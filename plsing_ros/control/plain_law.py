@@ -11,7 +11,7 @@ from plsing_ros.geometry import LineSet
 from plsing_ros.parameters import ControllerParameters
 
 
-def plain_twist(
+def compute_plain_twist(
     parameters: ControllerParameters, lines: LineSet, image: Array, target_image: Array
 ) -> tuple[LawTwist, float] | None:
     """Return what compute_twist does where parameters.is_plain, and |s - s*|, without the cost of its options.

@@ -214,7 +214,7 @@ class PoseLaws:
             lasting: Array = np.square(map_std / image_depth(lines))[:, np.newaxis] * (1.0, 0.0, 1.0)
             return lasting
         # What map and focal length do at the target cancels, and what they do elsewhere grows with the way there.
-        changed = np.square(_CHANGES * difference(image, self._image_there)).reshape(-1, 2).sum(axis=1)
+        changed = np.square(_CHANGES * compare_image_lines(image, self._image_there)).reshape(-1, 2).sum(axis=1)
         of_calibration: Array = changed[:, np.newaxis] * (1.0, 0.0, 1.0)
         return of_calibration + (own if self._shown is None else self._shown)
 
@@ -259,10 +259,10 @@ def mismatch(image: Array, lines: LineSet) -> Array:
         image: Shape (3n,).
         lines: In the camera frame.
     """
-    return difference(image, project_lines(lines))
+    return compare_image_lines(image, project_lines(lines))
 
 
-def difference(image: Array, other: Array) -> Array:
+def compare_image_lines(image: Array, other: Array) -> Array:
     """Return by which angles and offsets image lines differ from others, both of shape (3n,); shape (2n,)."""
     (x, y, z), (x0, y0, z0) = image.reshape(-1, 3).T, other.reshape(-1, 3).T
     return np.stack([np.arctan2(x0 * y - y0 * x, x0 * x + y0 * y), z - z0], axis=-1).ravel()

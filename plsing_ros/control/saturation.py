@@ -8,7 +8,7 @@ import math
 from plsing_ros.arrays import Array
 
 
-def saturated(twist: Array, linear: float, angular: float) -> tuple[Array, float]:
+def saturate(twist: Array, linear: float, angular: float) -> tuple[Array, float]:
     """Return a twist within speed limits, and the factor in (0, 1] that it was scaled by.
 
     One factor for the whole twist: axis and pitch of the screw stay what they are, where two factors would bend it.

@@ -55,7 +55,7 @@ class PathFollower:
 
     def __init__(self, path: CameraPath, lines_scene: LineSet) -> None:
         self.path = path
-        self._lines = lines_scene
+        self.lines = lines_scene
         self._time = 0.0
         self._cycle = 0.0
 
@@ -71,7 +71,7 @@ class PathFollower:
             ObservationError: If fewer than three lines have an image from there.
         """
         pose = self.path.pose(self._time)
-        seen = LineObservation.of_lines(self._lines.transformed(pose.inverse(), "camera on the path"))
+        seen = LineObservation.of_lines(self.lines.transformed(pose.inverse(), "camera on the path"))
         return Reference(
             Target(seen, "the path"),
             self.path.twist(self._time + 0.5 * self._cycle),

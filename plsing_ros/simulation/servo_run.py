@@ -40,9 +40,9 @@ class RunRows:
         """
         task = self._task
         time = len(self._rows) * task.time_step
-        desired = task.path.position(time)
-        self._rows.append((time, position, twist, error_norm, inverse_condition_number, desired))
-        distance = float(np.linalg.norm(position - desired))
+        asked = task.path.position(time)
+        self._rows.append((time, position, twist, error_norm, inverse_condition_number, asked))
+        distance = float(np.linalg.norm(position - asked))
         if task.arrived and distance <= task.arrived:
             self._arrived, self.ended = True, "arrived"
         elif distance > LOST:
@@ -53,12 +53,22 @@ class RunRows:
 
     def record(self) -> RunRecord:
         """Return the record of all rows."""
-        time, position, twist, error_norm, inverse, desired = (
+        time, position, twist, error_norm, inverse, asked = (
             np.array(column) for column in zip(*self._rows, strict=True)
         )
         changes = tuple(piece.reason for piece in self._task.followed.pieces)
         return RunRecord(
-            self._task.name, time, position, twist, error_norm, inverse, desired, self._arrived, (), self.ended, changes
+            self._task.name,
+            time,
+            position,
+            twist,
+            error_norm,
+            inverse,
+            asked,
+            self._arrived,
+            (),
+            self.ended,
+            changes,
         )
 
 

@@ -123,9 +123,9 @@ class _TargetSource:
             return
         self._held = message
         frame = message.header.frame_id
-        desired = self._task.target_observation((stamp - FIRST_STAMP) / _SECOND, frame)
-        self._error_norms[stamp] = _error_norm(observation_from_message(message, frame), desired)
-        self._targets.publish(features_message(desired, header(stamp, frame)))
+        target = self._task.target_observation((stamp - FIRST_STAMP) / _SECOND, frame)
+        self._error_norms[stamp] = _error_norm(observation_from_message(message, frame), target)
+        self._targets.publish(features_message(target, header(stamp, frame)))
 
     def _on_desired(self, message: LineFeatureArray) -> None:
         if self._held is not None and stamp_of(message) == stamp_of(self._held):
@@ -142,7 +142,7 @@ class _TargetSource:
             )
 
 
-def _error_norm(seen: LineObservation, desired: LineObservation) -> float:
-    wanted = dict(zip(desired.usable_ids, desired.usable_image_lines, strict=True))
+def _error_norm(seen: LineObservation, target: LineObservation) -> float:
+    wanted = dict(zip(target.usable_ids, target.usable_image_lines, strict=True))
     pairs = zip(seen.usable_ids, seen.usable_image_lines, strict=True)
     return float(np.linalg.norm([line - wanted[i] for i, line in pairs if i in wanted]))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from strategies import seen_lines, vectors
 
 from plsing_ros.control.compute_twist import compute_twist
-from plsing_ros.control.plain_law import plain_twist
+from plsing_ros.control.plain_law import compute_plain_twist
 from plsing_ros.features import feature_error, interaction_matrix
 from plsing_ros.features.target import TargetView
 from plsing_ros.geometry import LineSet
@@ -42,7 +42,7 @@ def test_it_is_the_law_with_all_its_options_when_none_is_in_use(lines, numbers, 
     error, norm = feature_error(image, desired)
     expected = compute_twist(chosen, interaction_matrix(lines), image, error, None, TargetView(desired, None, None))
     allowed = rounding_of_twist(expected.values, threshold, gain * norm)
-    found, error_norm = plain_twist(chosen, lines, image, desired)
+    found, error_norm = compute_plain_twist(chosen, lines, image, desired)
     np.testing.assert_allclose(found.twist, expected.twist, rtol=0.0, atol=allowed)
     np.testing.assert_allclose(found.values, expected.values, rtol=0.0, atol=1e-14 * expected.values[0])
     assert (found.gain, found.damping, found.health) == (expected.gain, expected.damping, expected.health)
@@ -56,7 +56,7 @@ def test_it_is_least_squares_by_another_library(lines, numbers, gain, threshold)
     L = interaction_matrix(lines)
     allowed = rounding_of_twist(np.linalg.svd(L, compute_uv=False), threshold, gain * np.linalg.norm(image - desired))
     expected = -gain * np.linalg.lstsq(L, image - desired, rcond=threshold)[0]
-    found, error_norm = plain_twist(parameters(gain=gain, pinv_threshold=threshold), lines, image, desired)
+    found, error_norm = compute_plain_twist(parameters(gain=gain, pinv_threshold=threshold), lines, image, desired)
     np.testing.assert_allclose(found.twist, expected, rtol=0.0, atol=allowed)
     assert error_norm == pytest.approx(np.linalg.norm(image - desired), rel=1e-14)
 
@@ -80,4 +80,4 @@ def test_with_an_option_it_is_not_the_plain_law(option):
 def test_there_is_no_twist_for_a_line_without_an_image():
     points, directions = [[1, 0, 2], [0, 1, 2], [0, 0, 2]], [[0, 1, 0], [1, 0, 1], [0, 0, 1]]
     lines = LineSet.from_points_directions(points, directions, ids=(4, 5, 6))
-    assert plain_twist(parameters(), lines, np.ones(9), np.ones(9)) is None
+    assert compute_plain_twist(parameters(), lines, np.ones(9), np.ones(9)) is None

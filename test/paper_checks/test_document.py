@@ -118,7 +118,7 @@ def test_choices_and_nodes_are_reported(tmp_path):
     paper_checks = check_paper({TRAJECTORIES: [record("Trajectory 1"), record("Trajectory 2")]})
     nodes = {TRAJECTORIES: [record("Trajectory 1", 1e-5), record("Trajectory 2", 1e-12)]}
     text = document(
-        results(claims_by_choice={"plain": paper_checks, "20 ms": paper_checks}, node_records=nodes), tmp_path
+        results(checks_by_choice={"plain": paper_checks, "20 ms": paper_checks}, node_records=nodes), tmp_path
     )
     assert "| statement | plain | 20 ms |" in text
     assert "| Four: Trajectory 1 | 5 | 5 | 9e-06 | **no** |" in text

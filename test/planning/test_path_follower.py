@@ -45,7 +45,7 @@ def test_desired_features_are_what_is_seen_on_the_way(follower, share):
     follower.advance(share * follower.path.duration)
     reference = follower.reference()
     pose = follower.path.pose(share * follower.path.duration)
-    lines = follower._lines
+    lines = follower.lines
     assert set(reference.target.ids) <= set(lines.ids)
     for i, desired in images(reference).items():
         row = lines.ids.index(i)
@@ -77,7 +77,7 @@ def test_features_move_as_the_feedforward_says(follower, share):
     here = follower.reference()
     follower.advance(step)
     after = follower.reference()
-    lines = follower._lines.transformed(here.T_world_camera.inverse(), "camera")
+    lines = follower.lines.transformed(here.T_world_camera.inverse(), "camera")
     assume(image_depth(lines).min() > 0.05)
     rate = [(images(after)[i] - images(before)[i]) / (2.0 * step) for i in lines.ids]
     expected = interaction_matrix(lines) @ path.twist(share * path.duration)
@@ -141,7 +141,7 @@ def test_the_displacement_taken_back_leads_to_the_way(follower, share, twist):
 def test_image_and_displacement_tell_the_same_near_the_way(follower, twist):
     reference = follower.reference()
     pose = reference.T_world_camera.integrate(twist, 1.0)
-    lines = follower._lines.transformed(pose.inverse(), "camera")
+    lines = follower.lines.transformed(pose.inverse(), "camera")
     assume(lines.ids == reference.target.ids and image_depth(lines).min() > 0.1)
     view = reference.target.view(lines.ids, tuple(range(6)))
     change = project_lines(lines).ravel() - view.image

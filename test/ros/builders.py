@@ -52,7 +52,7 @@ def time_of(stamp):
     return Time(sec=int(stamp), nanosec=round((stamp % 1) * 1e9))
 
 
-def plain_twist(T_world_camera, gain=near_transversal.GAIN):
+def compute_plain_twist(T_world_camera, gain=near_transversal.GAIN):
     """The law of the paper, by the textbook: minus lambda times the least-squares solution."""
     error = project_lines(seen(T_world_camera)) - project_lines(seen(TARGET))
     return -gain * np.linalg.lstsq(interaction_matrix(seen(T_world_camera)), error, rcond=None)[0]

@@ -6,7 +6,7 @@ import signal
 
 import numpy as np
 import pytest
-from builders import SCENE, TARGET, features, plain_twist, set_number, start_pose, twist_values
+from builders import SCENE, TARGET, compute_plain_twist, features, set_number, start_pose, twist_values
 from builtin_interfaces.msg import Time
 from controller_loop import ControllerLoop
 from geometry_msgs.msg import TwistStamped
@@ -38,11 +38,11 @@ def target_at(pose):
 def assert_servoes(loop):
     command, state = loop.answer(features(start_pose(1), loop.now()))
     assert state.mode == ControllerState.MODE_SERVOING
-    np.testing.assert_allclose(twist_values(command), plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(twist_values(command), compute_plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
 
 
 def assert_all_finite_and_zero_unless_moving(loop):
-    moving = {tuple(map(float, plain_twist(start_pose(1))))}
+    moving = {tuple(map(float, compute_plain_twist(start_pose(1))))}
     for each in loop.twists:
         values = twist_values(each)
         assert np.isfinite(values).all()
@@ -96,7 +96,7 @@ def test_ambiguous_lines_are_not_followed(ros, paper):
     message.lines_verdict, message.lines_reason = LineFeatureArray.LINES_AMBIGUOUS, "two poses fit"
     command, state = loop.answer(message)
     assert state.mode == ControllerState.MODE_HALTED and np.all(twist_values(command) == 0.0)
-    assert state.reason == "3-D lines are AMBIGUOUS: two poses fit"
+    assert "AMBIGUOUS" in state.reason and "two poses fit" in state.reason
     assert_servoes(loop)
 
 
@@ -309,7 +309,7 @@ def test_the_twist_of_a_tool(ros, paper):
     loop = ControllerLoop(ros, paper, tool_frame="tool0", **turned)
     command, state = loop.answer(features(start_pose(1), loop.now()))
     assert command.header.frame_id == "tool0"
-    v, w = np.split(plain_twist(start_pose(1)), 2)
+    v, w = np.split(compute_plain_twist(start_pose(1)), 2)
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     expected = np.concatenate([turn @ v + np.cross([0.0, 0.0, 0.5], turn @ w), turn @ w])
     np.testing.assert_allclose(twist_values(command), expected, rtol=1e-6, atol=1e-9)
@@ -396,11 +396,11 @@ def test_live_changes_reach_the_law(ros, paper):
     assert_servoes(loop)
     loop.set_parameters(gain=0.2)
     command, _ = loop.answer(features(start_pose(1), loop.now()))
-    np.testing.assert_allclose(twist_values(command), 2.0 * plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(twist_values(command), 2.0 * compute_plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
     result = loop.node.set_parameters_atomically([Parameter("gain_slope", value=1.0), Parameter("gain", value=0.01)])
     assert not result.successful and "gain_at_infinity" in result.reason
     command, _ = loop.answer(features(start_pose(1), loop.now()))
-    np.testing.assert_allclose(twist_values(command), 2.0 * plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(twist_values(command), 2.0 * compute_plain_twist(start_pose(1)), rtol=1e-6, atol=1e-9)
 
 
 def test_a_second_publisher_is_named_in_the_state(ros, paper):

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from builders import plain_twist, start_pose
+from builders import compute_plain_twist, start_pose
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 
 from plsing_msgs.msg import LineFeatureArray
@@ -95,7 +95,7 @@ def test_both_executors_give_the_same_run(paper, executor):
     pose = start_pose(4)
     for row in range(60):
         np.testing.assert_allclose(record.position[row], pose.translation, atol=1e-9)
-        expected = plain_twist(pose)
+        expected = compute_plain_twist(pose)
         np.testing.assert_allclose(record.twist[row], expected, rtol=1e-5, atol=1e-8)
         pose = pose.integrate(expected, TIME_STEP)
 
@@ -125,5 +125,5 @@ def test_builders_do_not_share_the_law_with_the_nodes():
     """The textbook law that other tests compare with brings a camera to the target by itself."""
     pose = start_pose(1)
     for _ in range(400):
-        pose = pose.integrate(plain_twist(pose, gain=1.0), 0.04)
+        pose = pose.integrate(compute_plain_twist(pose, gain=1.0), 0.04)
     np.testing.assert_allclose(pose.translation, experiment.TARGET_POSITION, atol=1e-4)

@@ -133,7 +133,7 @@ def test_the_risk_of_the_run_is_published_before_the_camera_moves(ros, paper):
 def test_without_any_features_it_says_so(loop):
     loop.ros.spin_until(lambda: len(loop.statuses) >= 2, "heartbeats")
     assert loop.statuses[-1].level == SingularityStatus.LEVEL_STALE
-    assert loop.statuses[-1].reason == "no features received yet"
+    assert "features" in loop.statuses[-1].reason
     assert not loop.statuses[-1].unobservable_motion_valid and len(loop.statuses[-1].singular_values) == 0
 
 

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from builders import CAMERA_FRAME, TARGET, features, plain_twist, start_pose, twist_values
+from builders import CAMERA_FRAME, TARGET, compute_plain_twist, features, start_pose, twist_values
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, TwistStamped
 from lifecycle_msgs.srv import GetState
 from tf2_msgs.msg import TFMessage
@@ -111,7 +111,7 @@ def test_the_robot_stands_until_tf_says_where_the_camera_is_and_follows_it_then(
         ros.spin_until(lambda: answer(start)[1].mode == ControllerState.MODE_SERVOING, "servoing")
         twist, _ = answer(start)
         assert twist.header.frame_id == "tool0"
-        assert twist_values(twist) == pytest.approx(tool_twist(pose, plain_twist(start)), rel=1e-6, abs=1e-9)
+        assert twist_values(twist) == pytest.approx(tool_twist(pose, compute_plain_twist(start)), rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.usefixtures("tf2_ros")

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from benchmark.batch_simulation import Batch
 from benchmark.law_paths import Ways
 from benchmark.law_scale import Scales
-from benchmark.law_variants import Law, feedback, guard, saturated
+from benchmark.law_variants import Law, feedback, guard, saturate
 from benchmark.servo_tasks import in_camera, mean_rotations, seen
 
 TIME_STEP = 0.04  # [s]
@@ -143,7 +143,7 @@ def run(
             # Whatever is inverted, the present L says how near a singularity is.
             smallest = np.linalg.svd(L.reshape(len(rows), -1, 6), compute_uv=False)[:, -1]
             twist *= guard(law, *loci, velocity, smallest / reference[rows])[:, np.newaxis]
-        twist, factor = saturated(twist, law.limits)
+        twist, factor = saturate(twist, law.limits)
         if paths is not None:
             paths.advance(rows, TIME_STEP * factor)
         speed = np.linalg.norm(twist[:, :3], axis=1)
