@@ -23,13 +23,13 @@ class AlarmState:
         self.debounce = debounce
         self._latches: dict[str, Hysteresis] = {}
         self._alerting: dict[str, Indicator] = {}
-        self._calm_for: tuple[object, ...] = ()
+        self._calm_for: list[str] = []
 
     def forget(self) -> None:
         """Begin anew: the next numbers count at once."""
         self._latches.clear()
         self._alerting.clear()
-        self._calm_for = ()
+        self._calm_for = []
 
     def with_missing(self, indicators: list[Indicator]) -> list[Indicator]:
         """Return indicators and those that alerted but have no number any more, so that they end by their debounce."""
@@ -38,17 +38,11 @@ class AlarmState:
         present = {each.name for each in indicators}
         return indicators + [_without_number(each) for name, each in self._alerting.items() if name not in present]
 
-    def is_calm(self, kinds: tuple[object, ...]) -> bool:
-        """Return whether numbers above all their thresholds would change nothing.
+    def is_calm(self, names: Sequence[str]) -> bool:
+        """Return whether numbers of these names, those of the last cycle, above all their thresholds change nothing."""
+        return self._calm_for == names
 
-        Args:
-            kinds: What tells these numbers from others, as it was given to levels().
-        """
-        return self._calm_for == kinds
-
-    def levels(
-        self, indicators: Sequence[Indicator], suppressed: int = 0, kinds: tuple[object, ...] = ()
-    ) -> list[Level]:
+    def levels(self, indicators: Sequence[Indicator], suppressed: int = 0) -> list[Level]:
         """Return the level of each indicator, after one more cycle; the first few do not count at present."""
         # Local names, and no call where nothing happens: this is done for every number in every cycle.
         latches, levels = self._latches, []
@@ -67,7 +61,8 @@ class AlarmState:
             else:
                 self._alerting.pop(name, None)
             levels.append(level)
-        self._calm_for = kinds if all(latches[each.name].calm for each in indicators) else ()
+        names = [each.name for each in indicators]
+        self._calm_for = names if all(latches[name].calm for name in names) else []
         return levels
 
 

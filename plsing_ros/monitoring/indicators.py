@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from plsing_ros.arrays import Array
@@ -16,7 +17,7 @@ from plsing_ros.monitoring.closed_loop_rollout import Expected
 from plsing_ros.monitoring.hysteresis import Thresholds, threshold_text
 from plsing_ros.monitoring.risk import Risk
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.singularities import Kind, LocusDistance, Proximity, SingularSet
+from plsing_ros.singularities import Kind, Proximity, SingularSet
 
 _DISTANCES = {
     "transversal_distance": (Kind.TRANSVERSAL,),
@@ -30,6 +31,12 @@ _Z, _DISTANCE, _PRECISION, _TURN = "z", "distance", "position_std", "rotation_st
 _RISK, _DEMAND, _TIME_TO_HARM, _SHAKING = "risk", "demand", "time_to_harm", "shaking"
 # The worse the larger they are: their inverses are judged. With the unit that a threshold is said in.
 _RISING = {_GROWTH: "times", _PRECISION: "m", _TURN: "rad", _RISK: "", _DEMAND: "times", _SHAKING: "m"}
+# Those of the others, with a space before them, and what the errors of a pose are.
+_UNITS = dict.fromkeys((_DISTANCE, *_DISTANCES), " m")
+_ERRORS: dict[str, Callable[[Proximity], tuple[str, float, str]]] = {
+    _PRECISION: lambda near: ("position", near.position_std, "m"),
+    _TURN: lambda near: ("orientation", near.rotation_std, "rad"),
+}
 # Share of trust: POOR lines may be wrong near a singularity, of AMBIGUOUS ones every number may be of another pose.
 _TRUST = {LinesVerdict.POOR: 0.5, LinesVerdict.AMBIGUOUS: 0.0}
 _TRUST_THRESHOLDS = Thresholds(0.75, 0.25, 0.75, 0.25)
@@ -66,6 +73,22 @@ class Indicator(NamedTuple):
         return f"{self.text()} is {side} {1.0 / threshold:.4g} {_RISING[self.name]}".rstrip()
 
 
+class Present(NamedTuple):
+    """What is known of a camera at present.
+
+    Attributes:
+        numbers: Conditioning of the interaction matrix.
+        target_inverse: Inverse condition number at the target, or None.
+        distance: From the loci in the order of the set [m], or None if the camera position is not known.
+        near: Proximity of the camera to a singular centre, likewise.
+    """
+
+    numbers: Conditioning
+    target_inverse: float | None
+    distance: Array | None = None
+    near: Proximity | None = None
+
+
 # An estimator's first image alone is often ambiguous, and the second one is not.
 _TRUSTED = Indicator(
     "lines_verdict",
@@ -96,116 +119,67 @@ class Indicators:
             rows = [i for i, kind in enumerate(singular.locus_kinds) if kind in kinds]
             if rows:
                 # Loci of one threshold are next to each other.
-                self._distances.append((name, rows[0], rows[-1] + 1, self._thresholds[name]))
-        self._farthest_alarm = max((each[3].alarm for each in self._distances), default=0.0)
+                self._distances.append((name, rows[0], rows[-1] + 1))
         self._alarm = {name: thresholds.alarm for name, thresholds in self._thresholds.items()}
 
-    def kinds(self, target_inverse: float | None, distance: Array | None, near: Proximity | None) -> tuple[object, ...]:
-        """Return what tells the numbers of measured() from those of other cycles."""
-        z = near is not None and near.z is not None
-        return *self._condition_rules(target_inverse), distance is None, near is None, z
-
-    def are_calm(
-        self,
-        numbers: Conditioning,
-        target_inverse: float | None,
-        nearest: LocusDistance | None,
-        near: Proximity | None,
-    ) -> bool:
-        """Return whether all numbers of measured() are clearly above their thresholds, as in most cycles."""
-        inverse, alarm = numbers.inverse_condition_number, self._alarm
+    def values(self, present: Present) -> dict[str, float]:
+        """Return the numbers of the present by their names, always in the same order."""
+        numbers, target_inverse, distance, near = present
+        inverse, found = numbers.inverse_condition_number, {}
         absolute, relative = self._condition_rules(target_inverse)
-        if absolute and inverse < alarm[_CONDITION]:
-            return False
-        if relative and target_inverse is not None and inverse / target_inverse < alarm[_RELATIVE]:
-            return False
-        if numbers.smallest_singular_value < alarm[_SMALLEST]:
-            return False
-        if near is not None and (
-            near.distance < alarm[_DISTANCE]
-            or _inverse(near.position_std) < alarm[_PRECISION]
-            or _inverse(near.rotation_std) < alarm[_TURN]
-            or (near.z is not None and near.z < alarm[_Z])
-        ):
-            return False
-        return nearest is None or nearest.distance >= self._farthest_alarm
-
-    def measured(
-        self,
-        numbers: Conditioning,
-        target_inverse: float | None,
-        distance: Array | None,
-        near: Proximity | None = None,
-    ) -> list[Indicator]:
-        """Return what is known of the present.
-
-        Args:
-            numbers: Conditioning of the interaction matrix.
-            target_inverse: Inverse condition number at the target, or None.
-            distance: From the loci in the order of the set [m], or None if the camera position is not known.
-            near: Proximity of the camera to a singular centre, likewise.
-        """
-        inverse = numbers.inverse_condition_number
-        absolute, relative = self._condition_rules(target_inverse)
-        found = []
         if absolute:
-            found.append(
-                Indicator(_CONDITION, inverse, self._thresholds[_CONDITION], lambda: f"{condition_text(inverse)}")
-            )
+            found[_CONDITION] = inverse
         if relative and target_inverse is not None:
-            ratio = inverse / target_inverse
-            found.append(
-                Indicator(
-                    _RELATIVE,
-                    ratio,
-                    self._thresholds[_RELATIVE],
-                    lambda: f"{condition_text(inverse)}, {ratio:.3g} of that at the target,",
-                )
-            )
-        smallest = numbers.smallest_singular_value
-        text = lambda: f"smallest singular value {smallest:.4g}"  # noqa: E731
-        found.append(Indicator(_SMALLEST, smallest, self._thresholds[_SMALLEST], text))
+            found[_RELATIVE] = inverse / target_inverse
+        found[_SMALLEST] = numbers.smallest_singular_value
         if near is not None:
-            found += self._proximity(near)
+            found[_DISTANCE] = near.distance
+            found[_PRECISION], found[_TURN] = _inverse(near.position_std), _inverse(near.rotation_std)
+            if near.z is not None:
+                found[_Z] = near.z
         if distance is not None:
-            values = distance.tolist()
-            found += [self._distance(*each, values) for each in self._distances]
+            of_loci = distance.tolist()
+            for name, start, stop in self._distances:
+                found[name] = min(of_loci[start:stop])
         return found
 
-    def _proximity(self, near: Proximity) -> list[Indicator]:
-        precision = precision_text(near)
+    def are_calm(self, values: dict[str, float]) -> bool:
+        """Return whether none of values() is below its first threshold, as in most cycles."""
+        alarm = self._alarm
+        # Many times as fast as all() for the few there are.
+        for name, value in values.items():  # noqa: SIM110
+            if value < alarm[name]:
+                return False
+        return True
 
-        def absolute(name: str, what: str, value: float, unit: str) -> Indicator:
-            def text() -> str:
-                return f"{what} error by the image's noise, {value:.3g} {unit} along the least observable motion,"
-
-            return Indicator(name, _inverse(value), self._thresholds[name], text)
-
-        found = [
+    def measured(self, present: Present, values: dict[str, float]) -> list[Indicator]:
+        """Return values() with their thresholds and words."""
+        return [
             Indicator(
-                _DISTANCE,
-                near.distance,
-                self._thresholds[_DISTANCE],
-                lambda: f"distance {near.distance:.3g} m from the nearest singular pose, to first order,",
-                " m",
-            ),
-            absolute(_PRECISION, "position", near.position_std, "m"),
-            absolute(_TURN, "orientation", near.rotation_std, "rad"),
+                name, value, self._thresholds[name], partial(self._text, name, value, present), _UNITS.get(name, "")
+            )
+            for name, value in values.items()
         ]
-        if near.z is not None:
-            z = near.z
-            text = lambda: f"z, tolerances of the lines from a singular pose ({precision}), {z:.3g},"  # noqa: E731
-            found.append(Indicator(_Z, z, self._thresholds[_Z], text))
-        return found
 
-    def _distance(self, name: str, start: int, stop: int, thresholds: Thresholds, distance: list[float]) -> Indicator:
-        these = distance[start:stop]
-        value = min(these)
-
-        def text() -> str:
-            return f"distance {value:.3f} m from {self._locus_names[start + these.index(value)]}"
-
-        return Indicator(name, value, thresholds, text, " m")
+    def _text(self, name: str, value: float, present: Present) -> str:
+        """Return a number of the present in words."""
+        near = present.near
+        if name == _CONDITION:
+            return condition_text(value)
+        if name == _RELATIVE:
+            return f"{condition_text(present.numbers.inverse_condition_number)}, {value:.3g} of that at the target,"
+        if name == _SMALLEST:
+            return f"smallest singular value {value:.4g}"
+        if name == _DISTANCE:
+            return f"distance {value:.3g} m from the nearest singular pose, to first order,"
+        if name == _Z and near is not None:
+            return f"z, tolerances of the lines from a singular pose ({precision_text(near)}), {value:.3g},"
+        if name in _ERRORS and near is not None:
+            what, error, unit = _ERRORS[name](near)
+            return f"{what} error by the image's noise, {error:.3g} {unit} along the least observable motion,"
+        start, stop = next(each[1:] for each in self._distances if each[0] == name)
+        of_loci = [] if present.distance is None else present.distance.tolist()
+        return f"distance {value:.3f} m from {self._locus_names[of_loci.index(value, start, stop)]}"
 
     def expected(
         self, growth: Expected | None, time_to_critical: float | None, approach: Approach | None
