@@ -10,8 +10,9 @@ from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.alarm_state import reasons, with_position
 from plsing_ros.monitoring.hysteresis import OK
-from plsing_ros.monitoring.indicators import Indicator, condition_text
-from plsing_ros.monitoring.monitored_scene import Measurement, MonitoredScene
+from plsing_ros.monitoring.indicators import Indicator, condition_text, precision_text
+from plsing_ros.monitoring.measurement import Measurement
+from plsing_ros.monitoring.monitored_scene import MonitoredScene
 from plsing_ros.monitoring.unobservable_motion_text import unobservable_motion_text
 
 
@@ -50,7 +51,7 @@ class Explanation(NamedTuple):
         otherwise = condition_text(found.ruling.inverse_condition_number)
         reason = reasons(self.indicators, self.levels, everywhere, otherwise)
         reason = with_position(reason, found.nearest, self.source, self.pose_tolerance)
-        reason += self.scene.absolute_text(found.proximity)
+        reason += absolute_text(self.scene, found)
         passes = self.calm and self.is_near and self.level is OK
         return (f"{reason}; near a singularity, {self.calm}" if passes else reason) + self.note
 
@@ -60,3 +61,9 @@ class Explanation(NamedTuple):
             return ""
         weakest = self.found.ruling.least_observable_direction
         return unobservable_motion_text(weakest, self.pose, self.scene.singular, self.found.nearest)
+
+
+def absolute_text(scene: MonitoredScene, found: Measurement) -> str:
+    """Return what is left of the precision of a pose in a scene that is singular everywhere, or ""."""
+    near = found.proximity
+    return "" if near is None or not scene.singular_everywhere else f"; {precision_text(near)}"

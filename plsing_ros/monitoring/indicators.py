@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from plsing_ros.arrays import Array
-from plsing_ros.features import Conditioning, LineObservation
+from plsing_ros.features import LineObservation
 from plsing_ros.features.observation import LinesVerdict
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Approach
 from plsing_ros.monitoring.closed_loop_rollout import Expected
 from plsing_ros.monitoring.hysteresis import Thresholds, threshold_text
+from plsing_ros.monitoring.measurement import Measurement
 from plsing_ros.monitoring.risk import Risk
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.singularities import Kind, Proximity, SingularSet
@@ -73,22 +73,6 @@ class Indicator(NamedTuple):
         return f"{self.text()} is {side} {1.0 / threshold:.4g} {_RISING[self.name]}".rstrip()
 
 
-class Present(NamedTuple):
-    """What is known of a camera at present.
-
-    Attributes:
-        numbers: Conditioning of the interaction matrix.
-        target_inverse: Inverse condition number at the target, or None.
-        distance: From the loci in the order of the set [m], or None if the camera position is not known.
-        near: Proximity of the camera to a singular centre, likewise.
-    """
-
-    numbers: Conditioning
-    target_inverse: float | None
-    distance: Array | None = None
-    near: Proximity | None = None
-
-
 # An estimator's first image alone is often ambiguous, and the second one is not.
 _TRUSTED = Indicator(
     "lines_verdict",
@@ -104,6 +88,7 @@ class Indicators:
 
     def __init__(self, singular: SingularSet, parameters: MonitorParameters) -> None:
         self._locus_names = singular.locus_names
+        self._in_all_directions = len(parameters.columns) == 6
         mode = parameters.condition_thresholds
         self._absolute_rules, self._relative_may_rule = mode in ("absolute", "both"), mode != "absolute"
         self._absolute_stands_in = mode == "auto"
@@ -122,9 +107,9 @@ class Indicators:
                 self._distances.append((name, rows[0], rows[-1] + 1))
         self._alarm = {name: thresholds.alarm for name, thresholds in self._thresholds.items()}
 
-    def values(self, present: Present) -> dict[str, float]:
+    def values(self, present: Measurement) -> dict[str, float]:
         """Return the numbers of the present by their names, always in the same order."""
-        numbers, target_inverse, distance, near = present
+        _, numbers, target_inverse, distances, _, near = present
         inverse, found = numbers.inverse_condition_number, {}
         absolute, relative = self._condition_rules(target_inverse)
         if absolute:
@@ -132,13 +117,16 @@ class Indicators:
         if relative and target_inverse is not None:
             found[_RELATIVE] = inverse / target_inverse
         found[_SMALLEST] = numbers.smallest_singular_value
+        if not self._in_all_directions:
+            # Loci are those of a camera that moves in all directions.
+            return found
         if near is not None:
             found[_DISTANCE] = near.distance
             found[_PRECISION], found[_TURN] = _inverse(near.position_std), _inverse(near.rotation_std)
             if near.z is not None:
                 found[_Z] = near.z
-        if distance is not None:
-            of_loci = distance.tolist()
+        if distances is not None:
+            of_loci = distances.distance.tolist()
             for name, start, stop in self._distances:
                 found[name] = min(of_loci[start:stop])
         return found
@@ -152,22 +140,21 @@ class Indicators:
                 return False
         return True
 
-    def measured(self, present: Present, values: dict[str, float]) -> list[Indicator]:
+    def measured(self, present: Measurement, values: dict[str, float]) -> list[Indicator]:
         """Return values() with their thresholds and words."""
+        thresholds = self._thresholds
         return [
-            Indicator(
-                name, value, self._thresholds[name], partial(self._text, name, value, present), _UNITS.get(name, "")
-            )
+            Indicator(name, value, thresholds[name], partial(self._text, name, value, present), _UNITS.get(name, ""))
             for name, value in values.items()
         ]
 
-    def _text(self, name: str, value: float, present: Present) -> str:
+    def _text(self, name: str, value: float, present: Measurement) -> str:
         """Return a number of the present in words."""
-        near = present.near
+        near = present.proximity
         if name == _CONDITION:
             return condition_text(value)
         if name == _RELATIVE:
-            return f"{condition_text(present.numbers.inverse_condition_number)}, {value:.3g} of that at the target,"
+            return f"{condition_text(present.ruling.inverse_condition_number)}, {value:.3g} of that at the target,"
         if name == _SMALLEST:
             return f"smallest singular value {value:.4g}"
         if name == _DISTANCE:
@@ -178,7 +165,7 @@ class Indicators:
             what, error, unit = _ERRORS[name](near)
             return f"{what} error by the image's noise, {error:.3g} {unit} along the least observable motion,"
         start, stop = next(each[1:] for each in self._distances if each[0] == name)
-        of_loci = [] if present.distance is None else present.distance.tolist()
+        of_loci = [] if present.distances is None else present.distances.distance.tolist()
         return f"distance {value:.3f} m from {self._locus_names[of_loci.index(value, start, stop)]}"
 
     def expected(

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from plsing_ros.arrays import Array
@@ -20,29 +18,9 @@ from plsing_ros.features.consistency import ConsistencyCheck, left_out_text
 from plsing_ros.features.target import MINIMUM_LINES
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.monitoring.approach import ApproachTable
-from plsing_ros.monitoring.indicators import Present, precision_text
+from plsing_ros.monitoring.measurement import Measurement
 from plsing_ros.parameters import MonitorParameters
-from plsing_ros.singularities import DistanceArrays, LocusDistance, Proximity, SingularSet
-
-
-class Measurement(NamedTuple):
-    """What is measured of a camera.
-
-    Attributes:
-        conditioning: Of the interaction matrix.
-        ruling: Conditioning that levels are judged by: that of the degrees of freedom in use.
-        distances: From all loci, or None if the camera position is not known.
-        nearest: The nearest locus other than the observed lines, likewise, or if there is none.
-        proximity: To a singular centre, likewise.
-        present: Of these, and of the target, what levels are judged by.
-    """
-
-    conditioning: Conditioning
-    ruling: Conditioning
-    distances: DistanceArrays | None
-    nearest: LocusDistance | None
-    proximity: Proximity | None
-    present: Present
+from plsing_ros.singularities import SingularSet
 
 
 class MonitoredScene:
@@ -101,17 +79,10 @@ class MonitoredScene:
         numbers = interaction_conditioning(lines, self._length)
         ruling = numbers if self._in_all_directions else self.ruling(numbers)
         if pose is None:
-            return Measurement(numbers, ruling, None, None, None, Present(ruling, target_inverse))
-        singular = self.singular
-        distances = singular.distance_arrays(pose.translation)
-        near = singular.proximity(pose, ids=lines.ids, covariances=covariances)
-        # Loci are those of a camera that moves in all directions.
-        present = (
-            Present(ruling, target_inverse, distances.distance, near)
-            if self._in_all_directions
-            else Present(ruling, target_inverse)
-        )
-        return Measurement(numbers, ruling, distances, self.approaches.nearest(distances), near, present)
+            return Measurement(numbers, ruling, target_inverse)
+        distances = self.singular.distance_arrays(pose)
+        near = self.singular.proximity(pose, ids=lines.ids, covariances=covariances)
+        return Measurement(numbers, ruling, target_inverse, distances, self.approaches.nearest(distances), near)
 
     def ruling(self, numbers: Conditioning) -> Conditioning:
         """Return the conditioning of the degrees of freedom in use, by that of all."""
@@ -126,10 +97,6 @@ class MonitoredScene:
             singular_values=values, inverse_condition_number=smallest_over_largest(values.tolist()), right=part.right
         )
 
-    def absolute_text(self, near: Proximity | None) -> str:
-        """Return what is left of the precision of a pose in a scene that is singular everywhere, or ""."""
-        return "" if near is None or not self.singular_everywhere else f"; {precision_text(near)}"
-
 
 def usable_lines(observation: LineObservation) -> LineSet:
     """Return the 3-D lines of an observation; ObservationError if it has too few of them."""
@@ -137,7 +104,7 @@ def usable_lines(observation: LineObservation) -> LineSet:
     if lines is None and observation.usable_ids:
         why = observation.verdict_reason or "directions and moments are empty"
         raise ObservationError(f"features have no 3-D lines ({why})")
-    if lines is None or len(lines) < MINIMUM_LINES:
+    if lines is None or len(lines.ids) < MINIMUM_LINES:
         raise ObservationError(
             f"{len(observation.usable_ids)} of {len(observation.ids)} lines are usable "
             f"({list(observation.usable_ids)}); at least {MINIMUM_LINES} are needed"

@@ -10,6 +10,7 @@ from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.alarm_state import reasons, with_position, worst
 from plsing_ros.monitoring.assessment import Assessment
+from plsing_ros.monitoring.explanation import absolute_text
 from plsing_ros.monitoring.indicators import Indicators, condition_text
 from plsing_ros.monitoring.law_risks import laws_text, risks_of_laws
 from plsing_ros.monitoring.monitored_scene import MonitoredScene, usable_lines
@@ -51,13 +52,13 @@ def assess_pose(
         return Assessment(Level.UNOBSERVABLE, lambda: why, 0)
     target_inverse = None if target is None else target.at(lines.ids).inverse_condition_number
     found = scene.measure(lines, T_world_camera, target_inverse)
-    measured = indicators.measured(found.present, indicators.values(found.present))
+    measured = indicators.measured(found, indicators.values(found))
     levels = [each.thresholds.entered(each.value) for each in measured]
     level = worst(levels, scene.singular_everywhere)
     ruling, nearest = found.ruling, found.nearest
     reason = reasons(measured, levels, scene.singular_everywhere, condition_text(ruling.inverse_condition_number))
     reason = with_position(reason, nearest, "pose asked for", parameters.pose_tolerance)
-    reason += scene.absolute_text(found.proximity)
+    reason += absolute_text(scene, found)
     risks: dict[str, Risk] = {}
     if T_world_target is not None and parameters.controller == "law":
         risks = risks_of_laws(T_world_camera, singular, T_world_target, parameters, ends)

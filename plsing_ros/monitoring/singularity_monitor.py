@@ -24,7 +24,8 @@ from plsing_ros.monitoring.camera_position import CameraPosition, locate
 from plsing_ros.monitoring.closed_loop_rollout import Expected
 from plsing_ros.monitoring.explanation import Explanation
 from plsing_ros.monitoring.hysteresis import Debounce
-from plsing_ros.monitoring.indicators import Indicator, Indicators, Present, below_alarm, verdict_indicator
+from plsing_ros.monitoring.indicators import Indicator, Indicators, below_alarm, verdict_indicator
+from plsing_ros.monitoring.measurement import Measurement
 from plsing_ros.monitoring.monitored_scene import MonitoredScene, usable_lines
 from plsing_ros.monitoring.monitored_target import NOT_KNOWN, MonitoredTarget
 from plsing_ros.monitoring.pose_check import assess_pose
@@ -243,7 +244,8 @@ class SingularityMonitor:
         """
         if not self.enabled:
             return self._availability.disabled(stamp)
-        self._follow_clock(now)
+        if self._availability.jumps_back(now):
+            self._restart()
         if self._availability.refusal(stamp, now) is not None:
             # One bad message among good ones changes nothing; a stream of them is as good as silence.
             return self._availability.silence(now)
@@ -287,7 +289,7 @@ class SingularityMonitor:
         )
         is_rolled_out = risk is not None and covariance is not None and parameters.rollout_rules
         expected.append(verdict_indicator(observation, is_rolled_out))
-        indicators, levels, is_near = self._judged(found.present, expected, calm)
+        indicators, levels, is_near = self._judged(found, expected, calm)
         level = worst(levels, scene.singular_everywhere)
         explanation = Explanation(
             scene, found, indicators, levels, level, is_near, calm, source, parameters.pose_tolerance, pose, note
@@ -297,7 +299,7 @@ class SingularityMonitor:
                 level,
                 explanation.reason,
                 stamp,
-                line_count=len(lines),
+                line_count=len(lines.ids),
                 conditioning=found.conditioning,
                 inverse_condition_number_rate=None if slope is None else slope[0],
                 locus_distances=None if found.distances is None else found.distances.distance,
@@ -329,14 +331,14 @@ class SingularityMonitor:
         return ""
 
     def _judged(
-        self, present: Present, expected: list[Indicator], calm: str
+        self, present: Measurement, expected: list[Indicator], calm: str
     ) -> tuple[list[Indicator], list[Level], bool]:
         """Return all numbers with their levels, and whether one of the present is below its first threshold.
 
         No numbers where everything is as well as it was: no words are needed then.
         """
         values = self._indicators.values(present)
-        names = [*values, *(each.name for each in expected)]
+        names = [*values, *[each.name for each in expected]]
         if self._alarm_state.is_calm(names) and self._indicators.are_calm(values) and not below_alarm(expected):
             return [], [], False
         measured = self._indicators.measured(present, values)
@@ -376,7 +378,8 @@ class SingularityMonitor:
         """Return what to say when no features come (now in ns): STALE, DISABLED, or None if they are recent enough."""
         if not self.enabled:
             return self._availability.disabled(now)
-        self._follow_clock(now)
+        if self._availability.jumps_back(now):
+            self._restart()
         assessment = self._availability.silence(now)
         if assessment is not None:
             self._availability.end_blindness()
@@ -394,12 +397,11 @@ class SingularityMonitor:
         self._slope = Slope(self._parameters.rate_window)
         self._prediction.interrupt()
 
-    def _follow_clock(self, now: int) -> None:
+    def _restart(self) -> None:
         """Drop everything stamped by a clock that has since jumped back."""
-        if self._availability.jumps_back(now):
-            self._position.forget()
-            self._prediction.restart()
-            self._risk.restart()
+        self._position.forget()
+        self._prediction.restart()
+        self._risk.restart()
 
     def _motion(
         self, distances: DistanceArrays | None, pose: Pose | None, twist: Array | None
