@@ -204,7 +204,6 @@ class RiskPredictor:
             self._asked = stamp
             if observation.ends is not None:
                 self._segments = self._segments or SegmentEnds(singular.lines)
-                self._segments.add(pose, observation)
             self._submit(
                 self._question(stamp, pose, covariance, observation, singular, T_world_target, elapsed, parameters)
             )
@@ -225,31 +224,40 @@ class RiskPredictor:
         elapsed: float,
         parameters: MonitorParameters,
     ) -> Callable[[], _Answer | None]:
-        law = self.law(parameters)
+        # Only what the next features change is taken down here: the thread of the roll-outs does the rest.
         clock, self._seed = self._clock, self._seed + 1
         still = np.zeros(6)
         command = self._commands[-1][1] if self._commands and stamp - self._commands[-1][0] < _REST else still
-        state = RunState(
-            law.deadline, clock.start_distance, elapsed, *clock.first_speeds, command, command, clock.arrived_for
+        start_distance, first_speeds, arrived_for = clock.start_distance, clock.first_speeds, clock.arrived_for
+        is_first, stated, stamps, known_path, known_shaking = (
+            self._latest is None,
+            self._stated,
+            self._stamps,
+            self._path,
+            self._shaking,
         )
-        is_first = self._latest is None
-        steps = FIRST_STEPS if is_first else MAX_STEPS
-        task = rollout_task(singular, target, law, parameters, self._frame_period(), observation, steps, self.seen_ends)
-        map_residuals = self._residuals
-        # A path that leads elsewhere is that of another target.
-        leads_there = bool(self._path) and self._path[-1].is_close(target, _SAME_TARGET)
-        path = self._path if leads_there and law.law == "detour" else ()
-        lacks_path = law.law == "detour" and not path and not np.any(command)
-        samples, seed, check, run = parameters.samples, self._seed, self._law_check, clock.run
-        # As long as the loop is the same the target is held as well as it was; the first answer does not wait for that.
-        loop = (law, target, parameters, singular)
-        held = self._shaking is not None and self._shaking[0] == loop
-        shaking = self._shaking[1] if held and self._shaking is not None else None
-        is_known = not (parameters.latency or parameters.integral_gain or any(parameters.secondary_twist))
-        begins = is_known and clock.first_speeds[0] < 0.0
+        segments, map_residuals, check = self._segments, self._residuals, self._law_check
+        samples, seed, run = parameters.samples, self._seed, clock.run
 
         def answer() -> _Answer | None:
             try:
+                if segments is not None:
+                    segments.add(pose, observation)
+                law = _law_in_force(parameters, stated)
+                state = RunState(law.deadline, start_distance, elapsed, *first_speeds, command, command, arrived_for)
+                steps = FIRST_STEPS if is_first else MAX_STEPS
+                ends = None if segments is None else segments.ends()
+                task = rollout_task(singular, target, law, parameters, _frame_period(stamps), observation, steps, ends)
+                # A path that leads elsewhere is that of another target.
+                leads_there = bool(known_path) and known_path[-1].is_close(target, _SAME_TARGET)
+                path = known_path if leads_there and law.law == "detour" else ()
+                lacks_path = law.law == "detour" and not path and not np.any(command)
+                # As long as the loop is the same the target is held as well as it was; the first answer does not wait
+                # for that.
+                loop = (law, target, parameters, singular)
+                shakes = known_shaking[1] if known_shaking is not None and known_shaking[0] == loop else None
+                is_known = not (parameters.latency or parameters.integral_gain or any(parameters.secondary_twist))
+                begins = is_known and first_speeds[0] < 0.0
                 residuals = None if map_residuals is None else map_residuals.rows()
                 seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose, path=path)
                 # The first command is what demand is measured by: it is known as soon as its features are.
@@ -259,7 +267,6 @@ class RiskPredictor:
                 outcomes = roll_out_around(
                     seen_task, pose, covariance, samples, dataclasses.replace(state, answer=first), seed
                 )
-                shakes = shaking
                 if shakes is None and not is_first:
                     shakes = expected_shaking(task, samples, seed, MAX_STEPS)
                 is_other = is_known and check.is_other(task)
@@ -272,16 +279,7 @@ class RiskPredictor:
 
     def law(self, parameters: MonitorParameters) -> RolloutLaw:
         """Return the law in force: as the controller states it, with the parameters given here."""
-        law = RolloutLaw.of_parameters(parameters)
-        if self._stated is None:
-            return law
-        if self._stated[0] != law.law:
-            law = RolloutLaw.of_parameters(dataclasses.replace(parameters, law=self._stated[0]))
-        return dataclasses.replace(law, gain=self._stated[1], gain_slope=0.0)
-
-    def _frame_period(self) -> float:
-        steps = np.diff(self._stamps)
-        return float(np.clip(np.median(steps) / _SECOND, 1e-3, 1.0)) if len(steps) else FRAME_PERIOD
+        return _law_in_force(parameters, self._stated)
 
     def begin_rollout(self) -> None:
         """Hand over the roll-out that is due, if any, to the executor."""
@@ -329,3 +327,19 @@ class _Answer:
     run: int
     loop: object
     risk: Risk
+
+
+def _law_in_force(parameters: MonitorParameters, stated: tuple[str, float] | None) -> RolloutLaw:
+    """Return the law of some parameters, with name and lambda [1/s] as the controller states them, if it does."""
+    law = RolloutLaw.of_parameters(parameters)
+    if stated is None:
+        return law
+    if stated[0] != law.law:
+        law = RolloutLaw.of_parameters(dataclasses.replace(parameters, law=stated[0]))
+    return dataclasses.replace(law, gain=stated[1], gain_slope=0.0)
+
+
+def _frame_period(stamps: Sequence[int]) -> float:
+    """Return the time between two of the latest frames [s]."""
+    steps = np.diff(stamps)
+    return float(np.clip(np.median(steps) / _SECOND, 1e-3, 1.0)) if len(steps) else FRAME_PERIOD
