@@ -29,7 +29,7 @@ MAX_STEPS = 30_000
 FIRST_STEPS = 8_000
 # Between two frames as long as it is not known [s].
 FRAME_PERIOD = 1.0 / 30.0
-_BY_POSE = ("position", "fused")
+_BY_POSE = ("position", "fused", "detour")
 # Samples that see too few lines are drawn nearer at most so often.
 _HALVINGS = 8
 
