@@ -39,6 +39,8 @@ BAD_INPUT = 2
 # After a signal a node goes on for at most this time [s].
 _SIGNAL_PERIOD = 0.1
 _SPIN_TIME = 3600.0  # [s]
+# A callback waits for at most about this time until another thread lends it the interpreter; Python's own is 5 ms [s].
+_SWITCH_INTERVAL = 1e-4
 
 # How rclpy reports bad ROS arguments and parameter files (RuntimeError, of which its own error types are made), bad
 # parameters, names, and QoS overrides.
@@ -137,6 +139,7 @@ def run_nodes(
     # What is there now stays: the collector need not go through all of it again between two cycles.
     gc.collect()
     gc.freeze()
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
         stop: Future[None] = Future()
         # A timer sees to the signal: an idle EventsExecutor keeps Python from seeing it, and one whose nodes answer
