@@ -12,6 +12,12 @@ from plsing_ros.features import LineObservation, project_lines
 from plsing_ros.geometry import LineSet, Pose
 
 
+def arrays(*poses):
+    """Rotations and translations of T_camera_world."""
+    inverse = [pose.inverse() for pose in poses]
+    return np.array([each.rotation for each in inverse]), np.array([each.translation for each in inverse])
+
+
 def image_of(lines, pose, noise=0.0, generator=None):
     """What a camera sees, with noise on angle and offset of each image line."""
     image = project_lines(lines.transformed(pose.inverse(), "camera")).reshape(-1, 3)
@@ -84,3 +90,29 @@ def distance(first, second):
     return max(
         np.abs(first.translation - second.translation).max() / far, np.abs(first.rotation - second.rotation).max()
     )
+
+
+def polar_image(coordinates, rotation, translation):
+    """Angle and offset of lines (u, l) (n, 6) in a camera frame, l made orthogonal to u first, shape (n, 2)."""
+    u, l = coordinates[:, :3], coordinates[:, 3:]  # noqa: E741, the literature's name
+    u = u / np.linalg.norm(u, axis=1, keepdims=True)
+    l = l - (l * u).sum(axis=1, keepdims=True) * u  # noqa: E741
+    moment = l @ rotation.T + np.cross(translation, u @ rotation.T)
+    return np.column_stack(
+        [np.arctan2(moment[:, 1], moment[:, 0]), moment[:, 2] / np.hypot(moment[:, 0], moment[:, 1])]
+    )
+
+
+def image_covariances(lines, pose, image=0.0, scene=0.0, camera=0.0):
+    """Of angle and offset of each line, by central differences over all Plücker coordinates, shape (n, 2, 2)."""
+    inverse, seen = pose.inverse(), lines.transformed(pose.inverse(), "camera")
+    total = np.tile(image**2 * np.eye(2), (len(lines), 1, 1))
+    frames = (lines, inverse.rotation, inverse.translation, scene), (seen, np.eye(3), np.zeros(3), camera)
+    for own, turn, shift, sigma in frames:
+        coordinates = np.hstack([own.direction, own.moment])
+        for step in 1e-6 * np.eye(6):
+            ends = polar_image(coordinates + step, turn, shift), polar_image(coordinates - step, turn, shift)
+            change = ends[0] - ends[1]
+            change[:, 0] = (change[:, 0] + np.pi) % (2.0 * np.pi) - np.pi
+            total += sigma**2 * np.einsum("ni,nj->nij", change, change) / 4e-12
+    return total

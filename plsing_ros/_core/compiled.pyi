@@ -180,26 +180,15 @@ def compute_twist(
     Source: eq. velocity_input.
     """
 
-def mean_interaction(image: Array, target_image: Array, interaction: Array, target_interaction: Array) -> Array:
-    """Return the mean of L and L* (3n, k), whose rows are turned to the image lines of L before.
-
-    Args:
-        image: s, shape (3n,).
-        target_image: s*, shape (3n,).
-        interaction: L, or some columns of it, shape (3n, k).
-        target_interaction: L*, likewise.
-
-    Source: docs/controller.md.
-    """
-
 # minimal_solver.cpp
 
-def triplet_rotations(directions: Array, normals: Array) -> tuple[Array, IndexArray, BoolArray]:
+def triplet_rotations(directions: Array, normals: Array, interpolate: Array) -> tuple[Array, IndexArray, BoolArray]:
     """Return all rotations R_camera_world with n_i . (R u_i) = 0 for the three lines of each of T triplets.
 
     Args:
         directions: Unit directions u_i, shape (T, 3, 3).
         normals: Unit normals n_i of the lines' interpretation planes in the camera frame, shape (T, 3, 3).
+        interpolate: From nine samples of the polynomial to its coefficients, shape (9, 9): pose.minimal_solver.
 
     Returns:
         The rotations, one triplet after the other, shape (k, 3, 3), k <= 8 T: a pair of complex solutions counts as
@@ -239,10 +228,8 @@ def image_residuals(lines: Array, image_lines: Array, settings: Array, rotation:
     Source: eq. plucker2dline in the coordinates (angle, offset) of an image line, and its covariance: docs/pose.md.
     """
 
-def image_jacobians(
-    lines: Array, image_lines: Array, settings: Array, rotation: Array, translation: Array
-) -> tuple[Array, Array]:
-    """Return the derivatives of angle and offset, and of the same whitened, shapes (k, 2, n, 6).
+def image_jacobians(lines: Array, image_lines: Array, settings: Array, rotation: Array, translation: Array) -> Array:
+    """Return the derivatives of angle and offset, whitened, shape (k, 2, n, 6).
 
     By the twist (v, omega) of the camera in its own frame.
 
@@ -257,8 +244,8 @@ def refine_poses(
     rotation: Array,
     translation: Array,
     iterations: int,
-) -> tuple[Array, Array, Array, Array]:
-    """Return poses after Levenberg-Marquardt steps, each until it is at a minimum of the misfit.
+) -> tuple[Array, Array]:
+    """Return rotations and translations after Levenberg-Marquardt steps, each until it is at a minimum of the misfit.
 
     Args:
         lines: See above, like image_lines and settings.
@@ -268,10 +255,6 @@ def refine_poses(
         rotation: To begin with.
         translation: Likewise.
         iterations: At most so many steps.
-
-    Returns:
-        Rotations and translations; by how much the last step would have lowered the sum of squared residuals had they
-        been linear, shape (k,), infinite without a step; 1 for poses at a minimum, else 0, shape (k,).
 
     Source: the undamped, unweighted step is Marchand and Chaumette's virtual visual servoing (section "Pose Estimation
     along a quadrifolium trajectory"); the damping is Levenberg's and Marquardt's.
@@ -553,7 +536,7 @@ def proximity(
     Source: singularities.proximity.
     """
 
-# pose_filter.cpp
+# pose_filter.cpp, pose_mixture.cpp and pose_filter_binding.cpp
 
 class FilterMap:
     """The lines of a scene in the world with their tolerances, as the filter needs them."""
@@ -797,21 +780,6 @@ def singularity_ratios(direction: Array, point: Array, centers: ComplexArray, on
         nearest line, in the root mean square distance, infinite for those.
     """
 
-def rank_basis(direction: Array, point: Array, center: Array, on_line: float) -> Array:
-    """Return the row-normalised xi about a centre, shape (2n, 6), NaN where products of lengths overflow.
-
-    First the n rows [f_i, |f_i|^2 u_i], then the n rows [0, m_i], lengths in the root mean square distance from the
-    centre to the lines; zero for a line that the centre is on.
-
-    Args:
-        direction: Unit directions, shape (n, 3).
-        point: A point on each line, shape (n, 3).
-        center: Shape (3,).
-        on_line: As for singularity_ratios.
-
-    Source: eq. basiseta.
-    """
-
 # isolated_points.cpp
 
 def isolated_points(
@@ -847,18 +815,6 @@ def isolated_points(
         the first.
 
     Source: singularities/isolated_points.py.
-    """
-
-def tell_points_apart(h: ComplexArray, center: ComplexArray, max_imaginary: float) -> tuple[BoolArray, Array]:
-    """Return which of ten points are real, shape (S, 10), and how near the nearest two are, shape (S,).
-
-    Args:
-        h: Homogeneous centres of unit length, shape (S, 10, 4).
-        center: Centres, shape (S, 10, 3).
-        max_imaginary: Largest imaginary part of a real point, relative to 1 plus its largest component.
-
-    Returns:
-        Real ones, never those that are NaN; the largest modulus of the inner product of two of the ten.
     """
 
 # rollout_binding.cpp
@@ -901,7 +857,7 @@ def roll_out(
         The fields of planning.rollout.Outcomes.
     """
 
-def law_twist(
+def compute_rollout_twist(
     direction: Array,
     moment: Array,
     ends: Array,

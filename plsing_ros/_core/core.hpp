@@ -11,7 +11,7 @@
 
 #include <Eigen/Core>
 #include <complex>
-#include <new>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -33,16 +33,22 @@ using RowMajor = Eigen::Matrix<Scalar, Rows, Columns, Columns == 1 ? Eigen::ColM
 template <int Rows, int Columns = 1, typename Scalar = double>
 class View : public Eigen::Map<const RowMajor<Scalar, Rows, Columns>> {
 public:
-    using Base = Eigen::Map<const RowMajor<Scalar, Rows, Columns>>;
-    using Base::Base;
+    using Number = Scalar;
+    static constexpr int dimensions = Columns == 1 ? 1 : 2, shape[] = {Rows, Columns};
+    View(const Scalar *first, const Index *size)
+        : Eigen::Map<const RowMajor<Scalar, Rows, Columns>>(first, size[0], Columns == 1 ? 1 : size[1])
+    {
+    }
 };
 
 // A numpy array (k, Rows, Columns): k matrices.
 template <int Rows, int Columns, typename Scalar = double>
 class Stack {
 public:
+    using Number = Scalar;
     using Matrix = Eigen::Map<const RowMajor<Scalar, Rows, Columns>>;
-    Stack(const Scalar *first, Index size, Index rows) : first_(first), size_(size), rows_(rows) {}
+    static constexpr int dimensions = 3, shape[] = {Dynamic, Rows, Columns};
+    Stack(const Scalar *first, const Index *size) : first_(first), size_(size[0]), rows_(size[1]) {}
     Index size() const { return size_; }
     Index rows() const { return rows_; }
     Matrix operator[](Index i) const { return Matrix(first_ + i * rows_ * Columns, rows_, Columns); }
@@ -84,20 +90,20 @@ py::array_t<typename Derived::Scalar> array_of(const Eigen::MatrixBase<Derived> 
 namespace pybind11::detail {
 
 // Return the array behind an argument, or raise what is wrong with it; -1 in `shape` stands for any size.
-template <typename Scalar, std::size_t dimensions>
-const PyArray_Proxy *checked_array(handle source, const int (&shape)[dimensions])
+template <typename Scalar>
+const PyArray_Proxy *checked_array(handle source, const int *shape, int dimensions)
 {
     const auto *array = array_proxy(source.ptr());
-    bool good = npy_api::get().PyArray_Check_(source.ptr()) && array->nd == static_cast<int>(dimensions) &&
+    bool good = npy_api::get().PyArray_Check_(source.ptr()) && array->nd == dimensions &&
                 check_flags(source.ptr(), npy_api::NPY_ARRAY_C_CONTIGUOUS_ | npy_api::NPY_ARRAY_ALIGNED_) &&
                 npy_api::get().PyArray_EquivTypes_(array->descr, dtype::of<Scalar>().ptr());
-    for (std::size_t i = 0; i < dimensions && good; i++)
+    for (int i = 0; i < dimensions && good; i++)
         good = shape[i] < 0 || array->dimensions[i] == shape[i];
     if (good)
         return array;
     std::string expected;
-    for (int size : shape)
-        expected += (expected.empty() ? "" : ", ") + (size < 0 ? std::string("any") : std::to_string(size));
+    for (int i = 0; i < dimensions; i++)
+        expected += (i == 0 ? "" : ", ") + (shape[i] < 0 ? std::string("any") : std::to_string(shape[i]));
     std::string given = "no array but " + std::string(Py_TYPE(source.ptr())->tp_name);
     if (npy_api::get().PyArray_Check_(source.ptr())) {
         auto given_array = reinterpret_borrow<pybind11::array>(source);
@@ -108,48 +114,29 @@ const PyArray_Proxy *checked_array(handle source, const int (&shape)[dimensions]
                       "), given is " + given);
 }
 
-template <int Rows, int Columns, typename Scalar>
-struct type_caster<plsing::View<Rows, Columns, Scalar>> {
-    using Type = plsing::View<Rows, Columns, Scalar>;
+template <typename Type>
+struct strict_caster {
     static constexpr auto name = const_name("numpy.ndarray");
     template <typename>
     using cast_op_type = const Type &;
-    operator const Type &() { return value; }
+    operator const Type &() { return *value; }
 
     bool load(handle source, bool)
     {
-        const PyArray_Proxy *array;
-        if constexpr (Columns == 1)
-            array = checked_array<Scalar>(source, {Rows});
-        else
-            array = checked_array<Scalar>(source, {Rows, Columns});
-        // Eigen's way to let a map refer to something else.
-        new (&value) Type(reinterpret_cast<const Scalar *>(array->data), array->dimensions[0],
-                          Columns == 1 ? 1 : array->dimensions[1]);
+        using Number = typename Type::Number;
+        const PyArray_Proxy *array = checked_array<Number>(source, Type::shape, Type::dimensions);
+        value.emplace(reinterpret_cast<const Number *>(array->data), array->dimensions);
         return true;
     }
 
 private:
-    Type value{nullptr, Rows < 0 ? 0 : Rows, Columns < 0 ? 0 : Columns};
+    std::optional<Type> value;
 };
 
 template <int Rows, int Columns, typename Scalar>
-struct type_caster<plsing::Stack<Rows, Columns, Scalar>> {
-    using Type = plsing::Stack<Rows, Columns, Scalar>;
-    static constexpr auto name = const_name("numpy.ndarray");
-    template <typename>
-    using cast_op_type = const Type &;
-    operator const Type &() { return value; }
+struct type_caster<plsing::View<Rows, Columns, Scalar>> : strict_caster<plsing::View<Rows, Columns, Scalar>> {};
 
-    bool load(handle source, bool)
-    {
-        const auto *array = checked_array<Scalar>(source, {-1, Rows, Columns});
-        value = Type(reinterpret_cast<const Scalar *>(array->data), array->dimensions[0], array->dimensions[1]);
-        return true;
-    }
-
-private:
-    Type value{nullptr, 0, 0};
-};
+template <int Rows, int Columns, typename Scalar>
+struct type_caster<plsing::Stack<Rows, Columns, Scalar>> : strict_caster<plsing::Stack<Rows, Columns, Scalar>> {};
 
 }  // namespace pybind11::detail

@@ -9,12 +9,10 @@
 namespace plsing {
 namespace {
 
-template <typename Derived>
-double norm_of(const Eigen::MatrixBase<Derived> &vector)
+double norm_of(const Eigen::Ref<const Eigen::VectorXd> &vector)
 {
     const double norm = vector.norm();
-    // Too large or too small for squares.
-    return norm > 1e-140 && norm < 1e140 ? norm : vector.blueNorm();
+    return norm > 1e-140 && norm < 1e140 ? norm : vector.stableNorm();
 }
 
 py::tuple subtract(const Values &a, const Values &b)
@@ -26,11 +24,10 @@ py::tuple subtract(const Values &a, const Values &b)
 
 py::object interaction_matrix(const Vectors &direction, const Vectors &moment, double min_depth)
 {
-    require(direction.rows() == moment.rows(), "there must be a moment for each direction");
     Tall rows;
     if (!fill_rows(direction, moment, min_depth, rows))
         return py::none();
-    return array_of(expanded(moment, rows));
+    return array_of(expand(moment, rows));
 }
 
 void require_few_columns(const View<Dynamic, Dynamic> &matrix)
@@ -50,7 +47,6 @@ py::object svd(const View<Dynamic, Dynamic> &matrix)
 
 py::object interaction_conditioning(const Vectors &direction, const Vectors &moment, double min_depth)
 {
-    require(direction.rows() == moment.rows(), "there must be a moment for each direction");
     Tall rows;
     if (!fill_rows(direction, moment, min_depth, rows))
         return py::none();
@@ -84,26 +80,8 @@ py::object compute_twist(const Vectors &direction, const Vectors &moment, const 
     const Svd decomposed(rows);
     if (!decomposed.is_finite())
         return py::none();
-    const Unknowns twist = decomposed.solve(-gain * decomposed.components(reduced(moment, error)), threshold);
+    const Unknowns twist = decomposed.solve(-gain * decomposed.components(reduce(moment, error)), threshold);
     return py::make_tuple(array_of(twist), norm_of(twist), array_of(decomposed.values()), norm_of(error));
-}
-
-py::array_t<double> mean_interaction(const Values &image, const Values &target_image,
-                                     const View<Dynamic, Dynamic> &interaction,
-                                     const View<Dynamic, Dynamic> &target_interaction)
-{
-    const Index rows = image.size();
-    require(rows % 3 == 0 && target_image.size() == rows && interaction.rows() == rows &&
-                target_interaction.rows() == rows && target_interaction.cols() == interaction.cols(),
-            "there must be three rows for each line in all of them");
-    Eigen::MatrixXd mean = 0.5 * (interaction + target_interaction);
-    for (Index i = 0; i < rows; i += 3) {
-        const auto L = interaction.middleRows<2>(i), L_target = target_interaction.middleRows<2>(i);
-        const Eigen::Vector2d across(-image(i + 1), image(i));
-        const Eigen::RowVector2d across_target(-target_image(i + 1), target_image(i));
-        mean.middleRows<2>(i) = 0.5 * (L + across * (across_target * L_target));
-    }
-    return array_of(mean);
 }
 
 }  // namespace
@@ -116,7 +94,6 @@ void bind_features(py::module_ &module)
     module.def("interaction_conditioning", &interaction_conditioning);
     module.def("solve", &solve);
     module.def("compute_twist", &compute_twist);
-    module.def("mean_interaction", &mean_interaction);
 }
 
 }  // namespace plsing

@@ -122,7 +122,7 @@ void Image::fill(const Pose &T_camera_world, Residuals &residuals) const
     }
 }
 
-Pose moved(const Pose &T_camera_world, const Vector6d &motion)
+Pose move(const Pose &T_camera_world, const Vector6d &motion)
 {
     const Vector3d half = -0.5 * motion.tail<3>();
     const Matrix3d turn = skew(half);
@@ -156,7 +156,7 @@ bool refine(const Image &image, const Weights &weight, long iterations, Pose &T_
         const double turn = step.tail<3>().norm();
         if (turn > max_turn)
             step *= max_turn / turn;
-        const Pose candidate = moved(T_camera_world, step);
+        const Pose candidate = move(T_camera_world, step);
         image.fill(candidate, next);
         const double is = misfit(next, next, weight), cost = is + log_determinant(next, weight);
         // Both by the same measure, and not much less likely, as poses would win by their larger covariance.

@@ -45,7 +45,7 @@ private:
 using Weights = Eigen::Ref<const Eigen::VectorXd>;
 
 // The camera's pose after a motion (v, omega) in its frame: the scene moves by the inverse. The rotation is Cayley's.
-Pose moved(const Pose &T_camera_world, const Vector6d &motion);
+Pose move(const Pose &T_camera_world, const Vector6d &motion);
 // The weighted sum of squares of residuals, by the covariances of others.
 double misfit(const Residuals &residuals, const Residuals &measure, const Weights &weight);
 // Refine a pose by up to so many damped steps; return whether it is at a minimum, and what the last step promised.

@@ -193,32 +193,11 @@ py::tuple isolated_points(const Stack<lines, 3> &direction, const Stack<lines, 3
     return py::make_tuple(center, h, w, residual, array_of(margin));
 }
 
-py::tuple tell_points_apart(const Stack<points, 4, Complex> &h, const Stack<points, 3, Complex> &center,
-                            double max_imaginary)
-{
-    require(h.size() == center.size(), "there must be a homogeneous centre for each centre");
-    py::array_t<bool> real({h.size(), Index(points)});
-    Eigen::VectorXd overlap(h.size());
-    for (Index s = 0; s < h.size(); s++) {
-        Eigen::Matrix<Complex, points, points> products = h[s].conjugate() * h[s].transpose();
-        products.diagonal().setZero();
-        overlap(s) = products.cwiseAbs().maxCoeff();
-        for (int i = 0; i < points; i++) {
-            const Eigen::Vector3cd own = center[s].row(i);
-            // Not for NaN.
-            real.mutable_at(s, i) = own.imag().cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <=
-                                    max_imaginary * (1.0 + own.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
-        }
-    }
-    return py::make_tuple(real, array_of(overlap));
-}
-
 }  // namespace
 
 void bind_isolated_points(py::module_ &module)
 {
     module.def("isolated_points", &isolated_points);
-    module.def("tell_points_apart", &tell_points_apart);
 }
 
 }  // namespace plsing

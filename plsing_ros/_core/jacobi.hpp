@@ -11,11 +11,11 @@
 
 namespace plsing {
 
-// matrix = left diag(values) right', values largest first.
-template <int Size>
+// matrix = left diag(values) right', values largest first; real or complex, then with the conjugate of right'.
+template <int Size, typename Scalar = double>
 class JacobiSvd {
 public:
-    using Matrix = Eigen::Matrix<double, Size, Size>;
+    using Matrix = Eigen::Matrix<Scalar, Size, Size>;
     using Vector = Eigen::Matrix<double, Size, 1>;
 
     JacobiSvd() = default;
@@ -73,22 +73,23 @@ private:
                         right.col(p).swap(right.col(q));
                     done = false;
                 }
-                const double product = left.col(p).dot(left.col(q));
-                if (square(q) < nothing || product * product <= orthogonal * square(p) * square(q))
+                const Scalar product = left.col(p).dot(left.col(q));
+                const double squared = Eigen::numext::abs2(product);
+                if (square(q) < nothing || squared <= orthogonal * square(p) * square(q))
                     continue;
-                const double gap = square(p) - square(q), size = std::sqrt(gap * gap + 4.0 * product * product);
-                const double tangent = -2.0 * product / (gap + size);
-                const double cosine = std::sqrt(0.5 * (gap + size) / size), sine = cosine * tangent;
+                const double gap = square(p) - square(q), size = std::sqrt(gap * gap + 4.0 * squared);
+                const double cosine = std::sqrt(0.5 * (gap + size) / size), scale = -2.0 / (gap + size);
+                const Scalar sine = cosine * scale * product;
                 const auto rotate = [&](Matrix &matrix) {
-                    const Vector one = matrix.col(p), other = matrix.col(q);
-                    matrix.col(p) = cosine * one - sine * other;
+                    const Eigen::Matrix<Scalar, Size, 1> one = matrix.col(p), other = matrix.col(q);
+                    matrix.col(p) = cosine * one - Eigen::numext::conj(sine) * other;
                     matrix.col(q) = sine * one + cosine * other;
                 };
                 rotate(left);
                 if (with_right)
                     rotate(right);
-                square(p) -= tangent * product;
-                square(q) += tangent * product;
+                square(p) -= scale * squared;
+                square(q) += scale * squared;
                 done = false;
             }
         return done;
@@ -97,7 +98,7 @@ private:
     // Make the columns from `rank` on orthonormal to those before them.
     void complete(int rank)
     {
-        using Columns = Eigen::Matrix<double, Size, Eigen::Dynamic, Eigen::ColMajor, Size, Size>;
+        using Columns = Eigen::Matrix<Scalar, Size, Eigen::Dynamic, Eigen::ColMajor, Size, Size>;
         const Eigen::HouseholderQR<Columns> qr(left.leftCols(rank));
         const Matrix all = qr.householderQ() * Matrix::Identity();
         left.rightCols(Size - rank) = all.rightCols(Size - rank);

@@ -12,9 +12,8 @@
 
 namespace plsing {
 
-Pose exponential(const Vector6d &step)
+void exponential(const Vector3d &omega, Matrix3d &turn, Matrix3d &jacobian)
 {
-    const Vector3d v = step.head<3>(), omega = step.tail<3>();
     const double square = omega.squaredNorm();
     double a = 1.0 - square / 6.0, b = 0.5 - square / 24.0, c = 1.0 / 6.0 - square / 120.0;
     if (square > 1e-8) {
@@ -24,8 +23,16 @@ Pose exponential(const Vector6d &step)
         b = 2.0 * sine_of_half * sine_of_half / square;
         c = (angle - std::sin(angle)) / (square * angle);
     }
-    const Matrix3d turn = skew(omega), squared = turn * turn, one = Matrix3d::Identity();
-    return {one + a * turn + b * squared, (one + b * turn + c * squared) * v};
+    const Matrix3d cross = skew(omega), squared = cross * cross, one = Matrix3d::Identity();
+    turn = one + a * cross + b * squared;
+    jacobian = one + b * cross + c * squared;
+}
+
+Pose exponential(const Vector6d &step)
+{
+    Matrix3d turn, jacobian;
+    exponential(step.tail<3>(), turn, jacobian);
+    return {turn, jacobian * step.head<3>()};
 }
 
 Lines in_frame(const Rows3Ref &direction, const Rows3Ref &moment, const Pose &T_a_b)
@@ -37,6 +44,7 @@ Lines in_frame(const Rows3Ref &direction, const Rows3Ref &moment, const Pose &T_
 
 bool fill_rows(const Rows3Ref &direction, const Rows3Ref &moment, double min_depth, Tall &rows)
 {
+    require(direction.rows() == moment.rows(), "there must be a moment for each direction");
     rows.resize(2 * direction.rows(), 6);
     for (Index i = 0; i < direction.rows(); i++) {
         const Vector3d l = moment.row(i);
@@ -48,7 +56,7 @@ bool fill_rows(const Rows3Ref &direction, const Rows3Ref &moment, double min_dep
     return true;
 }
 
-Tall expanded(const Rows3Ref &moment, const Tall &rows)
+Tall expand(const Rows3Ref &moment, const Tall &rows)
 {
     Tall matrix(3 * moment.rows(), rows.cols());
     for (Index i = 0; i < moment.rows(); i++) {
@@ -60,7 +68,7 @@ Tall expanded(const Rows3Ref &moment, const Tall &rows)
     return matrix;
 }
 
-Eigen::VectorXd reduced(const Rows3Ref &moment, const Eigen::Ref<const Eigen::VectorXd> &values)
+Eigen::VectorXd reduce(const Rows3Ref &moment, const Eigen::Ref<const Eigen::VectorXd> &values)
 {
     Eigen::VectorXd two(2 * moment.rows());
     for (Index i = 0; i < moment.rows(); i++) {
@@ -137,7 +145,7 @@ struct Alignment {
     double spread = 0.0, min_cosine = 1.0, offset = 0.0;
 };
 
-Alignment aligned(const Rows3Ref &direction, const Rows3Ref &moment, const Rows3Ref &seen_direction,
+Alignment align(const Rows3Ref &direction, const Rows3Ref &moment, const Rows3Ref &seen_direction,
                   const Rows3Ref &seen_moment)
 {
     const Index n = direction.rows();
@@ -185,7 +193,7 @@ py::object align_lines(const Vectors &direction, const Vectors &moment, const Ve
     const Index n = direction.rows();
     require(n > 0 && moment.rows() == n && seen_direction.rows() == n && seen_moment.rows() == n,
             "there must be n lines in each");
-    const Alignment found = aligned(direction, moment, seen_direction, seen_moment);
+    const Alignment found = align(direction, moment, seen_direction, seen_moment);
     if (!found.is_fixed)
         return py::none();
     return py::make_tuple(array_of(found.pose.rotation), array_of(found.pose.translation), found.spread,
@@ -218,7 +226,7 @@ int are_consistent(const Vectors &image_lines, const Vectors &direction, const V
     const int good = total > min_misfit && total - worst - second < frame_ratio * total ? 1 : 2;
     if (expected == 0)
         return good;
-    const Alignment found = aligned(scene_direction, scene_moment, direction, moment);
+    const Alignment found = align(scene_direction, scene_moment, direction, moment);
     const double turn_cosine = 0.5 * (found.pose.rotation.cwiseProduct(rotation).sum() - 1.0);
     const bool agree = found.is_fixed && found.spread >= min_spread && found.min_cosine >= min_cosine &&
                        found.offset * std::sqrt(static_cast<double>(n)) <= max_offset &&

@@ -17,39 +17,21 @@ constexpr double degenerate = 1e-10;
 
 using Coefficients = Eigen::Matrix<double, samples, 1>;
 
+// From samples q(2 pi m / 9) to coefficients, lowest first, of q (1 + t^2)^4.
+using Interpolate = View<samples, samples>;
+
 double angle_of(int sample)
 {
     return 2.0 * M_PI * sample / samples;
 }
 
-// The matrix from samples q(2 pi m / 9) to coefficients, lowest first, of q (1 + t^2)^4.
-//
-// q is a trigonometric polynomial of degree 4 in theta = pi + 2 atan t, so that exp(i theta) = -(1 + it) / (1 - it), and
-// t = infinity is the first sample.
-Eigen::Matrix<double, samples, samples> coefficients_from_samples()
-{
-    Eigen::Matrix<double, samples, samples> total = Eigen::Matrix<double, samples, samples>::Zero();
-    for (int j = -4; j <= 4; j++) {
-        // (1 + it)^(4 + j) (1 - it)^(4 - j)
-        Eigen::Matrix<Complex, samples, 1> power = Eigen::Matrix<Complex, samples, 1>::Zero();
-        power(0) = 1.0;
-        for (int factor = 0; factor < degree; factor++) {
-            const Complex slope(0.0, factor < 4 + j ? 1.0 : -1.0);
-            power.tail<degree>() += (slope * power.head<degree>()).eval();
-        }
-        for (int m = 0; m < samples; m++)
-            total.col(m) += (power * std::polar(j % 2 == 0 ? 1.0 : -1.0, -j * angle_of(m)) / samples).real();
-    }
-    return total;
-}
-
 // A rotation that takes a unit vector to the z axis.
 Matrix3d rotation_to_z(const Vector3d &axis)
 {
-    const double sign = std::copysign(1.0, axis.z());
-    const Vector3d mirror = axis + sign * Vector3d::UnitZ();
-    const Matrix3d half_turn = 2.0 / mirror.squaredNorm() * mirror * mirror.transpose() - Matrix3d::Identity();
-    return Vector3d(sign, 1.0, sign).asDiagonal() * half_turn;
+    const Vector3d across = axis.unitOrthogonal();
+    Matrix3d rows;
+    rows << across.transpose(), axis.cross(across).transpose(), axis.transpose();
+    return rows;
 }
 
 // Both equations, n_i . (Rz(alpha) Rx(beta) u_i) = 0, are linear in (cos alpha, sin alpha, 1), with coefficients that are
@@ -70,9 +52,9 @@ struct Equations {
 // With the first normal as the z axis and its direction as the x axis, R = Rz(alpha) Rx(beta). That the solution's first
 // two components have the length of the third is a trigonometric polynomial of degree 4 in beta, which is sampled and
 // turned into a polynomial of degree 8 in t = tan of half an angle whose infinity is where it is largest.
-bool append_rotations(const Matrix3d &directions, const Matrix3d &normals, std::vector<Matrix3d> &rotations)
+bool append_rotations(const Matrix3d &directions, const Matrix3d &normals, const Interpolate &interpolate,
+                      std::vector<Matrix3d> &rotations)
 {
-    static const Eigen::Matrix<double, samples, samples> from_samples = coefficients_from_samples();
     Matrix3d frame;
     frame << rotation_to_z(directions.row(0)).row(2), rotation_to_z(directions.row(0)).topRows<2>();
     const Matrix3d image_frame = rotation_to_z(normals.row(0));
@@ -96,7 +78,7 @@ bool append_rotations(const Matrix3d &directions, const Matrix3d &normals, std::
         return true;
     Coefficients from_start;
     from_start << q.tail(samples - start), q.head(start);
-    const Coefficients coefficients = from_samples * from_start;
+    const Coefficients coefficients = interpolate * from_start;
     Eigen::Matrix<double, degree, degree> companion = Eigen::Matrix<double, degree, degree>::Zero();
     companion.row(0) = -coefficients.head<degree>().reverse().transpose() / coefficients(degree);
     companion.diagonal<-1>().setOnes();
@@ -121,14 +103,14 @@ bool append_rotations(const Matrix3d &directions, const Matrix3d &normals, std::
     return false;
 }
 
-py::tuple triplet_rotations(const Stack<3, 3> &directions, const Stack<3, 3> &normals)
+py::tuple triplet_rotations(const Stack<3, 3> &directions, const Stack<3, 3> &normals, const Interpolate &interpolate)
 {
     require(directions.size() == normals.size(), "there must be normals for each triplet of directions");
     std::vector<Matrix3d> rotations;
     std::vector<Index> triplet;
     py::array_t<bool> continuum(directions.size());
     for (Index i = 0; i < directions.size(); i++) {
-        continuum.mutable_at(i) = append_rotations(directions[i], normals[i], rotations);
+        continuum.mutable_at(i) = append_rotations(directions[i], normals[i], interpolate, rotations);
         triplet.resize(rotations.size(), i);
     }
     const Index count = rotations.size();

@@ -32,7 +32,7 @@ py::object step_law(const Stack<Dynamic, 3> &lines, const Vectors &target_image,
     const Svd decomposed(rows);
     if (!decomposed.has_full_rank())
         return py::none();
-    const Eigen::VectorXd error = reduced(moved.moment, image_error(moved.moment, target_image));
+    const Eigen::VectorXd error = reduce(moved.moment, image_error(moved.moment, target_image));
     const Vector6d next = -decomposed.solve(decomposed.components(error));
     if (!(next.norm() < max_speed))
         return py::none();

@@ -155,14 +155,14 @@ py::tuple refine_poses(const KnownLines &lines, const SeenLines &image_lines, co
     require(weight.rows() == k && weight.cols() == image.size(), "there must be a weight for each line of each pose");
     py::array_t<double> refined({k, Index(3), Index(3)});
     Rows3 moved_to(k, 3);
-    Eigen::VectorXd gain(k), final(k);
+    double gain;
     for (Index i = 0; i < k; i++) {
         Pose pose{rotation[i], translation.row(i)};
-        final(i) = refine(image, weight.row(i).transpose(), iterations, pose, gain(i));
+        refine(image, weight.row(i).transpose(), iterations, pose, gain);
         Eigen::Map<RowMajor<double, 3, 3>>(refined.mutable_data() + 9 * i) = pose.rotation;
         moved_to.row(i) = pose.translation;
     }
-    return py::make_tuple(refined, array_of(moved_to), array_of(gain), array_of(final));
+    return py::make_tuple(refined, array_of(moved_to));
 }
 
 // Numbers that image_residuals says of a line.
@@ -186,26 +186,22 @@ py::array_t<double> image_residuals(const KnownLines &lines, const SeenLines &im
     return table;
 }
 
-py::tuple image_jacobians(const KnownLines &lines, const SeenLines &image_lines, const View<3> &settings,
-                          const Rotations &rotation, const Vectors &translation)
+py::array_t<double> image_jacobians(const KnownLines &lines, const SeenLines &image_lines, const View<3> &settings,
+                                    const Rotations &rotation, const Vectors &translation)
 {
     require_poses(rotation, translation);
     const Image image(lines, image_lines, settings);
-    const Index n = image.size();
     Residuals residuals;
-    py::array_t<double> raw({rotation.size(), Index(2), n, Index(6)}), whitened({rotation.size(), Index(2), n, Index(6)});
+    py::array_t<double> whitened({rotation.size(), Index(2), image.size(), Index(6)});
     for (Index k = 0; k < rotation.size(); k++) {
         image.fill({rotation[k], translation.row(k)}, residuals);
-        for (Index i = 0; i < n; i++) {
-            const Eigen::Matrix<double, 2, 6> rows = residuals[i].jacobian(), white = residuals[i].whitening * rows;
+        for (Index i = 0; i < image.size(); i++) {
+            const RowMajor<double, 2, 6> rows = residuals[i].whitening * residuals[i].jacobian();
             for (Index r = 0; r < 2; r++)
-                for (Index j = 0; j < 6; j++) {
-                    raw.mutable_at(k, r, i, j) = rows(r, j);
-                    whitened.mutable_at(k, r, i, j) = white(r, j);
-                }
+                std::copy_n(rows.row(r).data(), 6, whitened.mutable_data(k, r, i));
         }
     }
-    return py::make_tuple(raw, whitened);
+    return whitened;
 }
 
 double max_deviation(const Matrix3d &covariance)
@@ -213,7 +209,7 @@ double max_deviation(const Matrix3d &covariance)
     return std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix3d>(covariance, Eigen::EigenvaluesOnly).eigenvalues()(2));
 }
 
-// The largest relative difference of the misfit from a quadratic at poses along the two weakest motions, both ways.
+// The largest relative difference of the misfit from a quadratic at poses along the two least observable motions, both ways.
 double nonlinearity(const Image &image, const Pose &pose, const Residuals &here, const Weights &weight,
                     const Vector6d &deviation, const Matrix6d &axes)
 {
@@ -225,7 +221,7 @@ double nonlinearity(const Image &image, const Pose &pose, const Residuals &here,
             const Vector6d motion = size * deviation(i) * axes.row(i).transpose();
             if (!(motion.tail<3>().cwiseAbs().maxCoeff() <= 1.0))
                 return max_nonlinearity;
-            image.fill(moved(pose, motion), there);
+            image.fill(move(pose, motion), there);
             const double off = std::abs((misfit(there, here, weight) - squared) / (probe * probe) - 1.0);
             // Written so that it holds for NaN.
             if (!(off < max_nonlinearity))

@@ -4,37 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include <pybind11/eigen.h>
-#include <pybind11/stl.h>
-
 namespace plsing {
 namespace {
 
 constexpr double smallest_depth = 1e-12;  // [m]
 constexpr double longest_turn = 0.5;      // of one step of an update [rad]
 constexpr double settled = 0.02;          // a step shorter than this, in standard deviations, ends an update
-
-// exp([v]x) and its left Jacobian.
-void exponential(const Vector3d &v, Matrix3d &turn, Matrix3d &jacobian)
-{
-    const double square = v.squaredNorm(), angle = std::sqrt(square);
-    double first = 1.0 - square / 6.0, second = 0.5 - square / 24.0, third = 1.0 / 6.0 - square / 120.0;
-    if (angle > 1e-4) {
-        const double half = std::sin(0.5 * angle);
-        first = std::sin(angle) / angle;
-        second = 2.0 * half * half / square;
-        third = (angle - std::sin(angle)) / (square * angle);
-    }
-    const Matrix3d s = skew(v), s2 = s * s;
-    turn = Matrix3d::Identity() + first * s + second * s2;
-    jacobian = Matrix3d::Identity() + second * s + third * s2;
-}
-
-Vector3d logarithm(const Matrix3d &rotation)
-{
-    const Eigen::AngleAxisd turn(rotation);
-    return turn.angle() * turn.axis();
-}
 
 // Of exp: d log(exp(d) exp(v)) / dd at d = 0.
 Matrix3d inverse_left_jacobian(const Vector3d &v)
@@ -120,78 +95,6 @@ FilterState::FilterState(const Matrix3d &rotation_, const Vector3d &position_, c
     covariance.bottomRightCorner<6, 6>() = drift_covariance;
 }
 
-// The one state with mean and covariance of a mixture, whose weights sum to 1. The map's errors have mean 0 in each.
-FilterState FilterState::mixture(const std::vector<const FilterState *> &states, const std::vector<double> &weights)
-{
-    const std::size_t heaviest = std::max_element(weights.begin(), weights.end()) - weights.begin();
-    FilterState mean = *states[heaviest];
-    const std::size_t n = states.size();
-    std::vector<Eigen::Matrix<double, 12, 1>> apart(n);
-    Eigen::Matrix<double, 12, 1> shift = Eigen::Matrix<double, 12, 1>::Zero();
-    for (std::size_t i = 0; i < n; i++) {
-        const FilterState &each = *states[i];
-        apart[i] << each.position - mean.position, logarithm(each.rotation * mean.rotation.transpose()),
-            each.drift - mean.drift;
-        shift += weights[i] * apart[i];
-    }
-    mean.covariance.setZero();
-    mean.with_map.setZero();
-    for (std::size_t i = 0; i < n; i++) {
-        const Eigen::Matrix<double, 12, 1> off = apart[i] - shift;
-        mean.covariance += weights[i] * (states[i]->covariance + off * off.transpose());
-        mean.with_map += weights[i] * states[i]->with_map;
-    }
-    Matrix3d turn, unused;
-    exponential(shift.segment<3>(3), turn, unused);
-    mean.position += shift.head<3>();
-    mean.rotation = Eigen::Quaterniond(turn * mean.rotation).normalized().toRotationMatrix();
-    mean.drift += shift.tail<6>();
-    return mean;
-}
-
-// The states, one for each kind of robot, and their weights after robots may have become of another kind: of each kind
-// with probability arrivals[j] if they are not of that. What was found of the drift holds for its own kind only; what
-// comes from a kind with less than a negligible share changes nothing. Source: Blom, Bar-Shalom (1988).
-std::pair<std::vector<FilterState>, std::vector<double>> FilterState::interact(
-    const std::vector<const FilterState *> &states, const std::vector<double> &weights,
-    const std::vector<double> &arrivals, const std::vector<double> &drift_std, double negligible)
-{
-    const std::size_t n = states.size();
-    double leaving = 0.0;
-    for (const double each : arrivals)
-        leaving += each;
-    std::vector<FilterState> mixed;
-    std::vector<double> totals(n, 0.0);
-    mixed.reserve(n);
-    for (std::size_t j = 0; j < n; j++) {
-        std::vector<double> shares(n);
-        for (std::size_t i = 0; i < n; i++) {
-            shares[i] = weights[i] * (i == j ? 1.0 - leaving + arrivals[j] : arrivals[j]);
-            totals[j] += shares[i];
-        }
-        std::vector<FilterState> newcomers;
-        newcomers.reserve(n);
-        std::vector<const FilterState *> chosen;
-        std::vector<double> of_chosen;
-        double total = 0.0;
-        for (std::size_t i = 0; i < n; i++) {
-            if (shares[i] < negligible * totals[j])
-                continue;
-            if (i != j) {
-                newcomers.push_back(*states[i]);
-                newcomers.back().forget_drift(drift_std[j]);
-            }
-            chosen.push_back(i == j ? states[i] : &newcomers.back());
-            of_chosen.push_back(shares[i]);
-            total += shares[i];
-        }
-        for (double &each : of_chosen)
-            each /= total;
-        mixed.push_back(chosen.size() == 1 ? *chosen[0] : mixture(chosen, of_chosen));
-    }
-    return {std::move(mixed), std::move(totals)};
-}
-
 // twist, noise: (v, omega) in the camera's frame; noise is the standard deviation of this step's own error, drift_twist
 // times the drift the lasting one. The drift is forgotten but for `memory` in [0, 1], and goes towards N(0, drift_std^2).
 void FilterState::predict(const Vector6d &twist, const Vector6d &noise, const Matrix6d &drift_twist, double drift_std,
@@ -237,24 +140,6 @@ void FilterState::forget_drift(double drift_std)
     drift.setZero();
 }
 
-// A part of this state, whose linear function `by_pose` of the pose's error is off from its mean by so many of its
-// standard deviations, and is known to `std` of them. A mixture of parts is the whole if that of the function is.
-FilterState FilterState::part(const Vector6d &by_pose, double offset, double std) const
-{
-    Eigen::Matrix<double, 12, 1> gain = covariance.leftCols<6>() * by_pose;
-    const double deviation = std::sqrt(by_pose.dot(gain.head<6>()));
-    gain /= deviation;
-    FilterState own = *this;
-    own.covariance -= (1.0 - std * std) * gain * gain.transpose();
-    own.with_map -= (1.0 - std * std) / deviation * gain * (by_pose.transpose() * with_map.topRows<6>());
-    own.position += offset * gain.head<3>();
-    Matrix3d turn, unused;
-    exponential(offset * gain.segment<3>(3), turn, unused);
-    own.rotation = turn * rotation;
-    own.drift += offset * gain.tail<6>();
-    return own;
-}
-
 // What an image that led to this state leaves to be split. `before` is the state before it.
 Curvature FilterState::curvature(const FilterState &before, const FilterMap &map, const std::vector<Index> &rows,
                                  const Rows &image, const Rows &covariances, const std::vector<bool> &used) const
@@ -273,7 +158,7 @@ Curvature FilterState::curvature(const FilterState &before, const FilterMap &map
         const Matrix3d R = turn * rotation;
         const Vector3d p = position + change.head<3>();
         Vector6d from_before;
-        from_before << p - before.position, logarithm(R * before.rotation.transpose());
+        from_before << p - before.position, rotation_vector(R * before.rotation.transpose());
         double squared = root.matrixL().solve(from_before).squaredNorm();
         for (std::size_t i = 0; i < rows.size(); i++) {
             if (!used[i])
@@ -292,18 +177,6 @@ Curvature FilterState::curvature(const FilterState &before, const FilterMap &map
     for (const double side : {-1.0, 1.0})
         found.nonlinearity = std::max(found.nonlinearity, std::abs(misfit(side * along, false) - least - 4.0) / 4.0);
     return found;
-}
-
-// An upper bound of what is lost, as a divergence, when two parts of a mixture become one. Source: Runnalls (2007).
-double FilterState::merging_cost(const FilterState &other, double own_weight, double other_weight) const
-{
-    const double sum = own_weight + other_weight;
-    const FilterState both = mixture({this, &other}, {own_weight / sum, other_weight / sum});
-    const auto log_determinant = [](const FilterState &state) {
-        const Matrix6d factor = Matrix6d(state.covariance.topLeftCorner<6, 6>()).llt().matrixL();
-        return 2.0 * factor.diagonal().array().log().sum();
-    };
-    return 0.5 * (sum * log_determinant(both) - own_weight * log_determinant(*this) - other_weight * log_determinant(other));
 }
 
 // Source: iterated extended Kalman filter as Gauss-Newton with the prior (Bell, Cathey 1993), on SO(3) x R^3; the map's
@@ -349,7 +222,7 @@ Innovation FilterState::update(const FilterMap &map, const std::vector<Index> &r
         found.log_determinants[i] = std::log(spread.determinant());
     }
     for (bool final = m == 0; !final;) {
-        const Vector3d back = logarithm(rotation * R.transpose());
+        const Vector3d back = rotation_vector(rotation * R.transpose());
         Eigen::Matrix<double, 12, 1> expected;
         expected << position - p, back, drift - e;
         if (found.iterations > 0) {
@@ -469,64 +342,6 @@ std::optional<Fit> FilterState::fit(const FilterMap &map, const std::vector<Inde
         used[most] = false;
     }
     return std::nullopt;
-}
-
-void bind_pose_filter(py::module_ &module)
-{
-    py::class_<FilterMap>(module, "FilterMap", "Lines with their tolerances, as the filter needs them.")
-        .def(py::init<const Rows &, const Rows &, const Eigen::VectorXd &, const Eigen::VectorXd &>(),
-             py::arg("direction"), py::arg("pivot"), py::arg("position_std"), py::arg("direction_std"))
-        .def_readonly("count", &FilterMap::count)
-        .def_readonly("exact", &FilterMap::exact);
-    py::class_<Innovation>(module, "Innovation", "What one image says about a state.")
-        .def_readonly("good", &Innovation::good)
-        .def_readonly("squared", &Innovation::squared)
-        .def_readonly("of_line", &Innovation::of_line)
-        .def("removal", &Innovation::removal)
-        .def_readonly("reversed", &Innovation::reversed)
-        .def_readonly("log_determinants", &Innovation::log_determinants)
-        .def_readonly("log_determinant", &Innovation::log_determinant)
-        .def_readonly("iterations", &Innovation::iterations);
-    py::class_<FitGates>(module, "FitGates", "When a state and an image agree.")
-        .def(py::init([](double of_line, std::vector<double> by_count, double reversal_cost) {
-                 return FitGates{of_line, std::move(by_count), reversal_cost};
-             }),
-             py::arg("of_line"), py::arg("by_count"), py::arg("reversal_cost"));
-    py::class_<Curvature>(module, "Curvature", "Where an image told least, and how far from linear it is there.")
-        .def_readonly("nonlinearity", &Curvature::nonlinearity)
-        .def_readonly("by_pose", &Curvature::by_pose);
-    py::class_<FilterState>(module, "FilterState", "A pose T_world_camera with the drift of the twist.")
-        .def(py::init<const Matrix3d &, const Vector3d &, const Matrix6d &, const Matrix6d &, Index>(), py::arg("rotation"),
-             py::arg("position"), py::arg("covariance"), py::arg("drift_covariance"), py::arg("map_lines"))
-        .def_static("mixture", &FilterState::mixture, py::arg("states"), py::arg("weights"))
-        .def_static("interact", &FilterState::interact, py::arg("states"), py::arg("weights"), py::arg("arrivals"),
-                    py::arg("drift_std"), py::arg("negligible"))
-        .def("copy", [](const FilterState &state) { return FilterState(state); })
-        .def("predict", &FilterState::predict, py::arg("twist"), py::arg("noise"), py::arg("drift_twist"),
-             py::arg("drift_std"), py::arg("duration"), py::arg("memory"))
-        .def("inflate", &FilterState::inflate, py::arg("pose"))
-        .def("forget_drift", &FilterState::forget_drift, py::arg("drift_std"))
-        .def("part", &FilterState::part, py::arg("by_pose"), py::arg("offset"), py::arg("std"))
-        .def("curvature", &FilterState::curvature, py::arg("before"), py::arg("map_lines"), py::arg("rows"),
-             py::arg("image"), py::arg("covariances"), py::arg("used"))
-        .def("merging_cost", &FilterState::merging_cost, py::arg("other"), py::arg("own_weight"), py::arg("other_weight"))
-        .def("update", &FilterState::update, py::arg("map_lines"), py::arg("rows"), py::arg("image"), py::arg("covariances"),
-             py::arg("used"), py::arg("iterations"))
-        .def("fit", &FilterState::fit, py::arg("map_lines"), py::arg("rows"), py::arg("image"), py::arg("covariances"),
-             py::arg("removable"), py::arg("gates"), py::arg("iterations"))
-        .def_readonly("rotation", &FilterState::rotation)
-        .def_readonly("position", &FilterState::position)
-        .def_readonly("drift", &FilterState::drift)
-        .def_property_readonly("covariance",
-                               [](const FilterState &state) -> Matrix6d { return state.covariance.topLeftCorner<6, 6>(); })
-        .def_property_readonly("drift_covariance", [](const FilterState &state) -> Matrix6d {
-            return state.covariance.bottomRightCorner<6, 6>();
-        });
-    py::class_<Fit>(module, "Fit", "A state after an image with which it agrees.")
-        .def_readonly("state", &Fit::state)
-        .def_readonly("innovation", &Fit::innovation)
-        .def_readonly("used", &Fit::used)
-        .def_readonly("cost", &Fit::cost);
 }
 
 }  // namespace plsing

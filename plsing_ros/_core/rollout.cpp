@@ -10,13 +10,6 @@ constexpr double kAwayFactor = 1.5, kAwayMargin = 0.05, kDemandFactor = 1.5, kRo
 constexpr double kFineTime = 1.0;  // In which each frame is a step [s].
 constexpr int kFewestLines = 3;
 
-Matrix3d rotation_of(const Vector3d &vector)
-{
-    const double angle = vector.norm();
-    if (angle < 1e-12) return Matrix3d::Identity();
-    return Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix();
-}
-
 // Move by a constant twist (v, omega) in the camera's frame over unit time.
 void move(Pose &camera, const Vector6d &step)
 {
@@ -162,8 +155,7 @@ private:
         if (law_.columns < 6) {
             // Along motions that nobody asked for the camera is neither near nor far.
             Vector3d shift = camera_.rotation.transpose() * (camera_.translation - scene_.target.translation);
-            const Eigen::AngleAxisd difference(scene_.target.rotation.transpose() * camera_.rotation);
-            Vector3d turn = difference.angle() * difference.axis();
+            Vector3d turn = rotation_vector(scene_.target.rotation.transpose() * camera_.rotation);
             for (int j = 0; j < 3; j++) {
                 if (!law_.used[j]) shift[j] = 0.0;
                 if (!law_.used[j + 3]) turn[j] = 0.0;
@@ -234,7 +226,9 @@ private:
         }
         if (loop_.position_noise == 0.0 && loop_.rotation_noise == 0.0) return pose;
         pose.translation += loop_.position_noise * random_.normal_vector();
-        pose.rotation *= rotation_of(loop_.rotation_noise * random_.normal_vector());
+        Vector6d turn = Vector6d::Zero();
+        turn.tail<3>() = loop_.rotation_noise * random_.normal_vector();
+        pose.rotation *= exponential(turn).rotation;
         return pose;
     }
 

@@ -15,8 +15,8 @@ namespace plsing {
 // A line of the scene, and what is seen of it at the target.
 struct SceneLine {
     Vector3d direction, moment, ends[2];
-    Vector3d desired_image = Vector3d::Zero();
-    Eigen::Matrix<double, 2, 6> desired_rows = Eigen::Matrix<double, 2, 6>::Zero();
+    Vector3d target_image = Vector3d::Zero();
+    Eigen::Matrix<double, 2, 6> target_rows = Eigen::Matrix<double, 2, 6>::Zero();
     bool in_target = false;
     // Lower Cholesky factor of the covariance of (phi, rho): pp, rp, rr.
     double noise[3] = {0.0, 0.0, 0.0};

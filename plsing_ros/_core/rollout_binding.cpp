@@ -43,7 +43,7 @@ LawOptions law_from(const py::object &from)
                                  {"detour", Law::kPath}});
     law.inverted = choice<Inverted>(
         from.attr("interaction").cast<std::string>(),
-        {{"current", Inverted::kCurrent}, {"target", Inverted::kDesired}, {"mean", Inverted::kMean}});
+        {{"current", Inverted::kCurrent}, {"target", Inverted::kTarget}, {"mean", Inverted::kMean}});
     const auto used = from.attr("degrees_of_freedom").cast<std::vector<int>>();
     if (used.size() != 6) throw std::invalid_argument("degrees_of_freedom must have 6 values");
     law.columns = 0;
@@ -58,7 +58,7 @@ LawOptions law_from(const py::object &from)
     law.max_damping = number(from, "max_damping");
     law.margin = number(from, "guard_margin");
     law.floor = number(from, "guard_floor");
-    law.lost_share = number(from, "guard_unobservable_share");
+    law.unobservable_share = number(from, "guard_unobservable_share");
     law.max_linear = number(from, "max_linear_speed");
     law.max_angular = number(from, "max_angular_speed");
     return law;
@@ -122,11 +122,11 @@ Scene scene_from(const Rows3 &direction, const Rows3 &moment, const Rows3 &ends,
         const double depth = image_depth(l);
         line.in_target = has_image(l, depth, min_depth);
         if (line.in_target) {
-            line.desired_image = l / depth;
+            line.target_image = l / depth;
             fill_line_rows(u, l, depth, rows, 0);
             for (int j = 0; j < 6; j++)
                 if (!law.used[j]) rows.col(j).setZero();
-            line.desired_rows = rows;
+            line.target_rows = rows;
         }
         if (scene.has_covariances) {
             // Lower Cholesky factor of [[pp, pr], [pr, rr]].
@@ -257,9 +257,9 @@ py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &
 
 // The twist of the law for image lines, rows of zeros where a line is not detected, or for what an undisturbed camera
 // sees if there are none: for comparison with the controller.
-Vector6d twist_of_law(const Rows3 &direction, const Rows3 &moment, const Rows3 &ends, const py::object &target,
-                     const py::object &loci, const py::object &law_options, const py::object &loop_model,
-                     const py::object &camera, const Rows3 &image)
+Vector6d compute_rollout_twist(const Rows3 &direction, const Rows3 &moment, const Rows3 &ends, const py::object &target,
+                               const py::object &loci, const py::object &law_options, const py::object &loop_model,
+                               const py::object &camera, const Rows3 &image)
 {
     if (image.rows() != 0 && image.rows() != direction.rows())
         throw std::invalid_argument("image lines must be none, or one row a line");
@@ -289,8 +289,8 @@ void bind_rollout(py::module_ &module)
                py::arg("covariances"), py::arg("residuals"), py::arg("believed"), py::arg("loci"), py::arg("path"),
                py::arg("law"), py::arg("loop"), py::arg("state"), py::arg("rotations"), py::arg("translations"), py::arg("seed"),
                "Run the closed loop ahead from k starts; plsing_ros/planning/rollout.py says what is what.");
-    module.def("law_twist", &twist_of_law, py::arg("direction"), py::arg("moment"), py::arg("ends"), py::arg("target"),
-               py::arg("loci"), py::arg("law"), py::arg("loop"), py::arg("camera"), py::arg("image"),
+    module.def("compute_rollout_twist", &compute_rollout_twist, py::arg("direction"), py::arg("moment"), py::arg("ends"),
+               py::arg("target"), py::arg("loci"), py::arg("law"), py::arg("loop"), py::arg("camera"), py::arg("image"),
                "The twist that a roll-out commands for image lines, or for what an undisturbed camera sees.");
 }
 

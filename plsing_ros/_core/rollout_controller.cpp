@@ -5,13 +5,6 @@ namespace plsing {
 
 namespace {
 
-// exp of a turn, as a rotation vector.
-Vector3d rotation_vector(const Matrix3d &rotation)
-{
-    const Eigen::AngleAxisd turn(rotation);
-    return turn.angle() * turn.axis();
-}
-
 // The twist over unit time from where the camera should be to where it is, in its own frame.
 Vector6d displacement(const Pose &asked, const Pose &here)
 {
@@ -87,7 +80,7 @@ void Controller::find_reference()
     Rows rows(error_.size(), 6);
     Eigen::Index used = 0;
     for (std::size_t i = 0; i < scene_.lines.size(); i++)
-        if (detected_[i]) rows.middleRows<2>(2 * used++) = scene_.lines[i].desired_rows;
+        if (detected_[i]) rows.middleRows<2>(2 * used++) = scene_.lines[i].target_rows;
     solver_.decompose(rows, law_.columns);
     const Vector6d &values = solver_.values();
     target_values_ = {values[0], values[law_.columns - 1]};
@@ -104,7 +97,7 @@ Vector6d Controller::by_image(const Pose &believed)
     }
     if (law_.law != Law::kPinv) find_reference();
     const Matrix3d R = believed.rotation.transpose();
-    const bool desired = law_.inverted == Inverted::kDesired;
+    const bool at_target = law_.inverted == Inverted::kTarget;
     double largest = 0.0;
     Eigen::Index used = 0;
     for (std::size_t i = 0; i < scene_.lines.size(); i++) {
@@ -114,10 +107,10 @@ Vector6d Controller::by_image(const Pose &believed)
         const Vector3d l = R * (line.moment - believed.translation.cross(line.direction));
         const double depth = image_depth(l);
         if (!has_image(l, depth, min_depth)) return Vector6d::Zero();
-        const Vector3d e = image_[i] - line.desired_image;
+        const Vector3d e = image_[i] - line.target_image;
         // The columns of B: at the 3-D line's own image, or at the target's.
-        const double c = desired ? line.desired_image[0] : l[0] / depth;
-        const double s = desired ? line.desired_image[1] : l[1] / depth;
+        const double c = at_target ? line.target_image[0] : l[0] / depth;
+        const double s = at_target ? line.target_image[1] : l[1] / depth;
         error_[2 * used] = c * e[1] - s * e[0];
         error_[2 * used + 1] = e[2];
         if (law_.gain_slope > 0.0) largest = std::max(largest, e.cwiseAbs().maxCoeff());
@@ -139,12 +132,12 @@ Vector6d Controller::by_image(const Pose &believed)
         if (here_.least() < onset) health = here_.smallest() / onset;
     }
     if (law_.inverted != Inverted::kCurrent) {
-        const double share = desired ? 0.0 : 0.5;
+        const double share = at_target ? 0.0 : 0.5;
         used = 0;
         for (std::size_t i = 0; i < scene_.lines.size(); i++)
             if (detected_[i]) {
                 auto rows = rows_.middleRows<2>(2 * used++);
-                rows = share * rows + (1.0 - share) * scene_.lines[i].desired_rows;
+                rows = share * rows + (1.0 - share) * scene_.lines[i].target_rows;
             }
     }
     solver_.decompose(rows_, law_.columns);

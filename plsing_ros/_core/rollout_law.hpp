@@ -13,7 +13,7 @@
 namespace plsing {
 
 enum class Law { kPinv, kDls, kAdaptiveDls, kGuarded, kPosition, kPath };
-enum class Inverted { kCurrent, kDesired, kMean };
+enum class Inverted { kCurrent, kTarget, kMean };
 
 struct LawOptions {
     Law law = Law::kPinv;
@@ -22,7 +22,7 @@ struct LawOptions {
     bool used[6] = {true, true, true, true, true, true};
     double gain = 0.1, gain_slope = 0.0, gain_at_infinity = 0.0;
     double threshold = 1e-12, damping = 0.3, onset = 0.5, max_damping = 0.5;
-    double margin = 0.15, floor = 0.2, lost_share = 1.0;
+    double margin = 0.15, floor = 0.2, unobservable_share = 1.0;
     double max_linear = 0.0, max_angular = 0.0;  // Infinite where there is none.
 };
 
@@ -144,7 +144,7 @@ inline double healthy_value(const Eigen::Vector2d &target)
     return std::max({target[1], 1e-6 * target[0], std::numeric_limits<double>::denorm_min()});
 }
 
-// The laws that damp nearly lost motions: adaptive_dls by its profile.
+// The laws that damp nearly unobservable motions: adaptive_dls by its profile.
 inline Vector6d adaptive_twist(const LawOptions &law, RowSolver &solver, double reference)
 {
     const double onset = law.onset * reference, most = law.max_damping * reference;
@@ -159,7 +159,7 @@ inline Vector6d adaptive_twist(const LawOptions &law, RowSolver &solver, double 
     return solver.from_right(along);
 }
 
-// guarded without its scale: nearly lost motions are limited, the others unchanged.
+// guarded without its scale: nearly unobservable motions are limited, the others unchanged.
 inline Vector6d limited_twist(const LawOptions &law, RowSolver &solver, double reference)
 {
     const double onset = law.onset * reference;
@@ -172,7 +172,7 @@ inline Vector6d limited_twist(const LawOptions &law, RowSolver &solver, double r
         health[i] = smooth_step(values[i] / onset);
         if (health[i] >= 1.0) rest += along[i] * along[i];
     }
-    rest = law.lost_share * std::sqrt(rest) + 0.01 * law.max_linear;
+    rest = law.unobservable_share * std::sqrt(rest) + 0.01 * law.max_linear;
     for (int i = 0; i < law.columns; i++) {
         if (health[i] >= 1.0) continue;
         const double limit = rest * health[i] / (1.0 - health[i]);

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <limits>
 
+#include "jacobi.hpp"
+
 namespace plsing {
 namespace {
 
@@ -54,73 +56,15 @@ double fill_rank_basis(const Rows3Ref &direction, const Rows3Ref &point, const E
     return std::sqrt(f.colwise().squaredNorm().minCoeff());
 }
 
-// Columns of xi made orthonormal one after the other. The triangular factor of this modified Gram-Schmidt is as exact as
-// Householder's, whatever the rank (Bjorck 1967); its diagonal ends with zeros after a column of zeros.
+// The smallest over the largest singular value of xi, as exact as rounding of xi allows.
 template <typename Scalar>
-Eigen::Matrix<Scalar, 6, 6> triangular_factor(Eigen::Matrix<Scalar, Dynamic, 6> &xi)
+double singular_value_ratio(const Eigen::Matrix<Scalar, Dynamic, 6> &xi)
 {
-    Eigen::Matrix<Scalar, 6, 6> triangle = Eigen::Matrix<Scalar, 6, 6>::Zero();
-    for (int k = 0; k < 6; k++) {
-        const double length = xi.col(k).norm();
-        if (!(length > 0.0))
-            break;
-        triangle(k, k) = length;
-        xi.col(k) /= length;
-        for (int j = k + 1; j < 6; j++) {
-            triangle(k, j) = xi.col(k).dot(xi.col(j));
-            xi.col(j) -= triangle(k, j) * xi.col(k);
-        }
-    }
-    return triangle;
-}
-
-// The largest singular value of a matrix A, too large by at most a share of `tolerance`.
-//
-// S is a power of A A* with |S| = 1, whose largest eigenvalue is in [1 / tr S, 1]. Where six doublings of the power do
-// not bring these together, the eigenvalues are computed.
-template <typename Square>
-double largest_singular_value(const Square &matrix, double tolerance)
-{
-    const double size = matrix.norm();
-    if (!std::isfinite(size))
-        return size;
-    // Eigen multiplies a matrix several times as fast as an expression.
-    const Square unit = matrix / size, adjoint = unit.adjoint();
-    const Square product = unit * adjoint;
-    Square power = product;
-    double value = size, root = 0.5;
-    for (int doubled = 0; doubled < 6; doubled++, root *= 0.5) {
-        if (doubled > 0)
-            power = (power * power).eval();
-        const double norm = power.norm();
-        power /= norm;
-        value *= std::pow(norm, root);
-        if ((std::real(power.trace()) - 1.0) * root <= tolerance)
-            return value;
-    }
-    const Eigen::SelfAdjointEigenSolver<Square> solver(product, Eigen::EigenvaluesOnly);
-    return size * std::sqrt(solver.eigenvalues()(5));
-}
-
-// Relative errors of the largest singular values, and the absolute one of their ratio, that are rounding.
-constexpr double rounding = 1e-15, rounding_of_ratio = 1e-17, coarse = 1e-2;
-
-// The smallest over the largest singular value of xi, which is overwritten, as exact as rounding of xi allows.
-//
-// Both by the largest one of a matrix: of the triangular factor, and of its inverse.
-template <typename Scalar>
-double singular_value_ratio(Eigen::Matrix<Scalar, Dynamic, 6> &xi)
-{
-    using Square = Eigen::Matrix<Scalar, 6, 6>;
-    const Square triangle = triangular_factor<Scalar>(xi);
-    // Also for a matrix of zeros, and for NaN.
-    if (!(triangle.diagonal().cwiseAbs().minCoeff() > 1e-100))
-        return 0.0;
-    const Square inverse = triangle.template triangularView<Eigen::Upper>().solve(Square::Identity());
-    const double smallest = 1.0 / largest_singular_value(inverse, rounding);
-    // A ratio that is small itself needs few digits of the largest one.
-    const double needed = rounding_of_ratio * triangle.norm() / smallest;
-    return smallest / largest_singular_value(triangle, std::clamp(needed, rounding, coarse));
+    const Eigen::ColPivHouseholderQR<Eigen::Matrix<Scalar, Dynamic, 6>> qr(xi);
+    const Eigen::Matrix<Scalar, 6, 6> triangle =
+        qr.matrixQR().template topRows<6>().template triangularView<Eigen::Upper>();
+    const JacobiSvd<6, Scalar> svd(triangle.adjoint(), false);
+    return svd.values(0) > 0.0 ? svd.values(5) / svd.values(0) : 0.0;
 }
 
 template <typename Scalar>
@@ -134,8 +78,8 @@ Singularity ratio_and_distance(const Rows3Ref &direction, const Rows3Ref &point,
     return {singular_value_ratio<Scalar>(xi), distance};
 }
 
-// Eigenvalues below this share of the largest leave the centre free: parallel lines, along them.
-constexpr double leaves_free = 1e-12;
+// Singular values up to this share of the largest leave the centre free: parallel lines, along them.
+constexpr double leaves_free = 1e-6;
 
 Rows3 across(const Rows3 &vectors, const Rows3Ref &direction)
 {
@@ -150,15 +94,13 @@ double center_scene(const Rows3Ref &direction, const Rows3Ref &foot, Vector3d &c
     // Relative to the mean, so that a scene far from the origin loses no digits.
     const Vector3d mean = (foot / static_cast<double>(foot.rows())).colwise().sum();
     relative = across(foot.rowwise() - mean.transpose(), direction);
-    const Matrix3d total = foot.rows() * Matrix3d::Identity() - direction.transpose() * direction;
-    if (!total.allFinite() || !relative.allFinite())
+    Tall sideways(3 * foot.rows(), 3);
+    for (Index i = 0; i < foot.rows(); i++)
+        sideways.middleRows<3>(3 * i) = Matrix3d::Identity() - direction.row(i).transpose() * direction.row(i);
+    const Svd svd(sideways);
+    if (!svd.is_finite() || !relative.allFinite())
         return std::numeric_limits<double>::quiet_NaN();
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(total);
-    const Vector3d values = solver.eigenvalues();
-    Vector3d along = solver.eigenvectors().transpose() * relative.colwise().sum().transpose();
-    for (int i = 0; i < 3; i++)
-        along(i) = values(i) > leaves_free * values(2) ? along(i) / values(i) : 0.0;
-    const Vector3d offset = solver.eigenvectors() * along;
+    const Vector3d offset = svd.solve(svd.components(relative.reshaped<Eigen::RowMajor>()), leaves_free);
     center = mean + offset;
     // Twice, because the first time leaves rounding along the line.
     relative = across(across(relative.rowwise() - offset.transpose(), direction), direction);
@@ -216,22 +158,12 @@ py::tuple singularity_ratios(const Stack<Dynamic, 3> &direction, const Stack<Dyn
     return py::make_tuple(array_of(ratio), array_of(distance));
 }
 
-py::array_t<double> rank_basis(const Vectors &direction, const Vectors &point, const View<3> &center, double on_line)
-{
-    require(direction.rows() == point.rows(), "there must be a point on each line");
-    Eigen::Matrix<double, Dynamic, 6> xi = Eigen::Matrix<double, Dynamic, 6>::Constant(
-        2 * direction.rows(), 6, std::numeric_limits<double>::quiet_NaN());
-    fill_rank_basis<double>(direction, point, Vector3d(center), on_line, xi);
-    return array_of(xi);
-}
-
 }  // namespace
 
 void bind_singularity(py::module_ &module)
 {
     module.def("scene_coordinates", &scene_coordinates);
     module.def("singularity_ratios", &singularity_ratios);
-    module.def("rank_basis", &rank_basis);
 }
 
 }  // namespace plsing

@@ -328,7 +328,7 @@ class RolloutTask:
             image_lines: Of the scene's lines, shape (n, 3), zeros where a line is not seen; None: no noise.
         """
         image = np.zeros((0, 3)) if image_lines is None else image_lines
-        twist: Array = _core.law_twist(
+        twist: Array = _core.compute_rollout_twist(
             *self._scene(), self.T_world_target, self.loci, self.law, self.loop, T_world_camera, image
         )
         return twist

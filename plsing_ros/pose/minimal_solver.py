@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial.polynomial import polymul, polypow
 from scipy.spatial.transform import Rotation
 
 from plsing_ros import _core
@@ -21,6 +22,22 @@ _DEGENERATE = 1e-10
 _SOLVED = 1e-9
 # Solutions that differ by less, as _core.same_pose has it, are the same.
 _EQUAL = 1e-7
+
+
+def _coefficients_from_samples() -> Array:
+    """Return the matrix from samples q(2 pi m / 9) to coefficients, lowest first, of q (1 + t^2)^4, shape (9, 9).
+
+    q is a trigonometric polynomial of degree 4 in theta = pi + 2 atan t, so that exp(i theta) = -(1 + it) / (1 - it);
+    t = infinity is the first sample.
+    """
+    total = np.zeros((9, 9), dtype=complex)
+    for j in range(-4, 5):
+        power = polymul(polypow([1.0, 1.0j], 4 + j), polypow([1.0, -1.0j], 4 - j))
+        total += np.outer(power, (-1.0) ** j * np.exp(-2.0j * np.pi * j * np.arange(9) / 9.0)) / 9.0
+    return np.ascontiguousarray(total.real)
+
+
+_INTERPOLATE = _coefficients_from_samples()
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +94,7 @@ def rotations_from_triplets(image_normals: Array, triplets: TripletDirections) -
     Source: docs/pose.md section "Three lines", see _core.triplet_rotations; the paper uses RPnL (section "Pose
     Estimation along a quadrifolium trajectory").
     """
-    return TripletRotations(*_core.triplet_rotations(triplets.directions, image_normals[triplets.rows]))
+    return TripletRotations(*_core.triplet_rotations(triplets.directions, image_normals[triplets.rows], _INTERPOLATE))
 
 
 def solve_three_lines(image_lines: npt.ArrayLike, lines: LineSet) -> list[Pose]:

@@ -37,5 +37,5 @@ def refine(image: ImageResiduals, rotation: Array, translation: Array, iteration
 
     Source: section "Pose Estimation along a quadrifolium trajectory", with damping: see _core.refine_poses.
     """
-    rotation, translation, _, _ = _core.refine_poses(*image.known, weight, rotation, translation, iterations)
+    rotation, translation = _core.refine_poses(*image.known, weight, rotation, translation, iterations)
     return Refined(rotation, translation, image.at(rotation, translation))

@@ -90,18 +90,9 @@ class Residuals:
         """Which lines have no part in front of the camera and within its field of view, shape (k, n)."""
         return np.asarray(self.table[:, 5] > 0.0)
 
-    @property
-    def raw_jacobian(self) -> Array:
-        """Derivative of raw by the twist (v, omega) of the camera in its own frame, shape (k, 2, n, 6)."""
-        return self._jacobians[0]
-
-    @property
-    def jacobian(self) -> Array:
-        """Derivative of value by the same, shape (k, 2, n, 6)."""
-        return self._jacobians[1]
-
     @cached_property
-    def _jacobians(self) -> tuple[Array, Array]:
+    def jacobian(self) -> Array:
+        """Derivative of value by the twist (v, omega) of the camera in its own frame, shape (k, 2, n, 6)."""
         return _core.image_jacobians(*self.arguments)
 
 

@@ -31,22 +31,19 @@ def interaction_matrix(lines):
     return np.vstack(rows)
 
 
-@given(lines=seen_lines(min_size=1))
-def test_the_interaction_matrix_is_that_of_its_definition(lines):
-    expected = interaction_matrix(lines)
-    found = _core.interaction_matrix(lines.direction, lines.moment, MIN_DEPTH)
-    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14 * np.abs(expected).max())
+def assert_decomposes(matrix):
+    left, values, right = _core.svd(matrix)
+    assert (np.diff(values) <= 0.0).all()
+    np.testing.assert_allclose(left * values @ right, matrix, atol=1e-14 * values[0])
+    np.testing.assert_allclose(right @ right.T, np.eye(len(right)), atol=1e-14)
+    if len(left) >= len(right):
+        np.testing.assert_allclose(left.T @ left, np.eye(len(right)), atol=1e-14)
 
 
 @given(lines=seen_lines(min_size=3), exponent=numbers(0.0, 10.0), columns=st.integers(1, 6))
 def test_svd_gives_the_matrix_back_and_its_factors_are_orthonormal(lines, exponent, columns):
     half = np.hstack([lines.direction, lines.moment, lines.direction * lines.moment]).reshape(-1, 3)
-    matrix = np.ascontiguousarray(np.hstack([half, half[::-1] * 10.0**-exponent])[:, :columns])
-    left, values, right = _core.svd(matrix)
-    assert (np.diff(values) <= 0.0).all()
-    np.testing.assert_allclose(left * values @ right, matrix, atol=1e-14 * values[0])
-    np.testing.assert_allclose(left.T @ left, np.eye(columns), atol=1e-14)
-    np.testing.assert_allclose(right @ right.T, np.eye(columns), atol=1e-14)
+    assert_decomposes(np.ascontiguousarray(np.hstack([half, half[::-1] * 10.0**-exponent])[:, :columns]))
 
 
 @pytest.mark.parametrize("rows", [6, 15, 60, 900])
@@ -71,14 +68,12 @@ def test_the_smallest_singular_value_is_as_exact_as_rounding_of_the_matrix_allow
         np.eye(6) * 1e300,
         np.full((7, 6), 5e-324),
         np.diag([1.0, 1e-160, 1e-200, 1.0, 1.0, 1.0]),
+        np.arange(18.0).reshape(3, 6) ** 0.5,
+        np.ones((0, 4)),
     ],
-    ids=lambda matrix: f"{matrix[-1, -1]:g}",
 )
-def test_svd_of_matrices_without_full_rank_and_of_extreme_size(matrix):
-    left, values, right = _core.svd(matrix)
-    np.testing.assert_allclose(left * values @ right, matrix, atol=1e-14 * values[0])
-    np.testing.assert_allclose(left.T @ left, np.eye(6), atol=1e-14)
-    np.testing.assert_allclose(right @ right.T, np.eye(6), atol=1e-14)
+def test_svd_of_matrices_without_full_rank_of_extreme_size_and_with_few_rows(matrix):
+    assert_decomposes(matrix)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -134,18 +129,6 @@ def test_solve_is_made_of_the_parts_that_it_gives(lines, factor, threshold):
     np.testing.assert_allclose(solution, along @ right, rtol=1e-12, atol=1e-12 * np.abs(along).max())
 
 
-@pytest.mark.parametrize("shape", [(12, 1), (12, 3), (12, 5), (6, 5), (3, 6), (5, 6), (1, 2), (0, 4)])
-def test_solve_with_some_rows_and_columns(shape):
-    generator = np.random.default_rng(shape[1])
-    matrix, right_side = generator.normal(size=shape), generator.normal(size=shape[0])
-    expected = np.linalg.lstsq(matrix, right_side, rcond=None)[0]
-    values, _, _, solution = _core.solve(matrix, right_side, 1.0, 0.0)
-    np.testing.assert_allclose(solution, expected, rtol=1e-12)
-    assert (values > 0.0).sum() == min(shape)
-    left, values, right = _core.svd(matrix)
-    np.testing.assert_allclose(left * values @ right, matrix, atol=1e-14)
-
-
 @pytest.mark.parametrize(
     ("matrix", "right_side", "expected"),
     [
@@ -164,11 +147,13 @@ def test_solve_leaves_out_what_is_lost_and_passes_on_what_is_no_number(matrix, r
 
 @pytest.mark.parametrize("n", [3, 4, 43, 200])
 @pytest.mark.parametrize("threshold", [0.0, 0.1])
-def test_the_twist_is_that_of_the_textbook_for_any_number_of_lines(n, threshold):
+def test_interaction_matrix_and_twist_are_those_of_the_textbook_for_any_number_of_lines(n, threshold):
     generator = np.random.default_rng(n)
     lines = LineSet.from_points_directions(generator.normal(size=(n, 3)) + [0, 0, 5], generator.normal(size=(n, 3)))
     image, desired = generator.normal(size=(2, 3 * n))
     matrix = interaction_matrix(lines)
+    found = _core.interaction_matrix(lines.direction, lines.moment, MIN_DEPTH)
+    np.testing.assert_allclose(found, matrix, rtol=1e-12, atol=1e-14 * np.abs(matrix).max())
     twist, speed, values, norm = _core.compute_twist(
         lines.direction, lines.moment, image, desired, MIN_DEPTH, 0.1, threshold
     )
@@ -188,43 +173,3 @@ def test_subtract_gives_difference_and_norm_of_any_size(a, b, size):
     # Below the smallest normal number digits are lost.
     assert norm == pytest.approx(expected, rel=1e-14, abs=1e-307)
     assert _core.subtract(np.full(3, 1e308), np.full(3, -1e308))[1] == np.inf
-
-
-@given(image=vectors(6, -3.0, 3.0), numbers=vectors(72, -1.0, 1.0), columns=st.integers(1, 6))
-def test_the_mean_is_that_of_changes_of_angle_and_offset(image, numbers, columns):
-    a, b, offset, desired_offset = *image.reshape(3, 2)[:2], image[4], image[5]
-    s = np.column_stack([np.cos(a), np.sin(a), [offset, 1.0]])
-    s_desired = np.column_stack([np.cos(b), np.sin(b), [desired_offset, -1.0]])
-    # Rows that image lines have: d (cos a, sin a, r) = (-sin a da, cos a da, dr).
-    da, dr, db, dq = (each[:, :columns] for each in numbers.reshape(4, 2, 9))
-    L = np.stack([-s[:, 1:2] * da, s[:, :1] * da, dr], axis=1).reshape(6, columns)
-    L_desired = np.stack([-s_desired[:, 1:2] * db, s_desired[:, :1] * db, dq], axis=1).reshape(6, columns)
-    half, offsets = 0.5 * (da + db), 0.5 * (dr + dq)
-    expected = np.stack([-s[:, 1:2] * half, s[:, :1] * half, offsets], axis=1).reshape(6, columns)
-    mean = _core.mean_interaction(s.ravel(), s_desired.ravel(), L, L_desired)
-    np.testing.assert_allclose(mean, expected, atol=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("name", "arguments"),
-    [
-        ("svd", (np.ones((12, 7)),)),
-        ("svd", (np.ones((6, 12)).T,)),
-        ("svd", (np.ones((12, 6), dtype=np.float32),)),
-        ("svd", (np.ones((12, 6), dtype=complex),)),
-        ("svd", (np.ones(12),)),
-        ("svd", ([[1.0, 2.0], [3.0, 4.0]],)),
-        ("solve", (np.ones((12, 6)), np.ones(11), 1.0, 0.0)),
-        ("solve", (np.ones((12, 7)), np.ones(12), 1.0, 0.0)),
-        ("mean_interaction", (np.ones(6), np.ones(6), np.ones((6, 5)), np.ones((6, 6)))),
-        ("mean_interaction", (np.ones(5), np.ones(5), np.ones((5, 5)), np.ones((5, 5)))),
-        ("compute_twist", (*np.ones((2, 4, 3)), np.ones(12), np.ones(9), 1e-9, 0.1, 0.0)),
-        ("subtract", (np.ones(4), np.ones(3))),
-        ("interaction_matrix", (np.ones((2, 3)), np.ones((3, 3)), 1e-9)),
-        ("interaction_matrix", (np.ones((2, 4)), np.ones((2, 4)), 1e-9)),
-        ("interaction_conditioning", (None, np.ones((2, 3)), 1e-9)),
-    ],
-)
-def test_arrays_that_do_not_fit_are_refused(name, arguments):
-    with pytest.raises(ValueError, match="must be|must have"):
-        getattr(_core, name)(*arguments)

@@ -235,19 +235,3 @@ def test_at_rest_and_along_a_line_nothing_is_approached():
     for velocity in (direction[0], -direction[0], direction[0] + 0.01 * np.cross(direction[0], [1.0, 0.0, 0.0])):
         row, found = approach(TABLES[0], center, velocity, role)
         assert row == -1 and np.isnan(found).all()
-
-
-@given(vectors(36, -1.0, 1.0), st.sampled_from([0.0, 1.0]), numbers(-1.0, 1.0))
-def test_a_covariance_is_told_by_its_smallest_eigenvalue(values, square, lift):
-    matrix = np.reshape(values, (6, 6))
-    matrix = square * (matrix @ matrix.T) + (1.0 - square) * matrix + lift * np.eye(6)
-    symmetric = 0.5 * (matrix + matrix.T)
-    smallest = np.linalg.eigvalsh(symmetric)[0]
-    assume(abs(smallest + 1e-9) > 1e-10)
-    found = _core.pose_covariance(matrix)
-    if smallest < -1e-9 or not symmetric.any():
-        assert found is None
-    else:
-        np.testing.assert_array_equal(found, symmetric)
-    matrix[2, 3] = np.nan
-    assert _core.pose_covariance(matrix) is None

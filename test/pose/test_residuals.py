@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from pose_scenes import image_of, random_view, views
+from pose_scenes import arrays, image_covariances, image_of, random_view, views
 from strategies import twists
 
 from plsing_ros.features import interaction_matrix
@@ -17,21 +17,25 @@ def image_residuals(lines, image, noise, *angle):
 
 
 def residuals_of(lines, image, noise, *poses):
-    seen = [pose.inverse() for pose in poses]
-    return image_residuals(lines, image, noise).at(
-        np.array([each.rotation for each in seen]), np.array([each.translation for each in seen])
-    )
+    return image_residuals(lines, image, noise).at(*arrays(*poses))
 
 
 @settings(max_examples=40)
 @given(view=views(), twist=twists())
-def test_jacobian_matches_central_differences(view, twist):
+def test_residuals_are_differences_of_projections_and_jacobians_their_derivatives(view, twist):
     lines, pose = view
     image = image_of(lines, pose.integrate(0.01 * twist, 1.0)).image_lines
     step = 1e-6
     at = residuals_of(lines, image, NOISES[0], pose, pose.integrate(twist, step), pose.integrate(twist, -step))
+    line = image_of(lines, pose).image_lines.copy()
+    against = np.einsum("ij,ij->i", line[:, :2], image[:, :2]) < 0.0
+    line[against] *= -1.0
+    turn = np.arctan2(line[:, 1], line[:, 0]) - np.arctan2(image[:, 1], image[:, 0])
+    np.testing.assert_allclose(np.exp(1j * at.raw[0, 0]), np.exp(1j * turn), atol=1e-9)
+    np.testing.assert_allclose(at.raw[0, 1], line[:, 2] - image[:, 2], atol=1e-9 * (1.0 + np.abs(line[:, 2]).max()))
+    assert (at.reversed[0] == against).all()
     expected = (at.raw[1] - at.raw[2]) / (2.0 * step)
-    found = np.einsum("ija,a->ij", at.raw_jacobian[0], twist)
+    found = NOISES[0].image * at.jacobian[0] @ twist
     np.testing.assert_allclose(found, expected, atol=1e-4 * (1.0 + np.abs(expected).max()))
 
 
@@ -40,7 +44,7 @@ def test_jacobian_has_the_singular_values_of_the_interaction_matrix():
     at = residuals_of(lines, image_of(lines, pose).image_lines, NOISES[0], pose)
     matrix = interaction_matrix(lines.transformed(pose.inverse(), "camera"))
     np.testing.assert_allclose(
-        np.linalg.svd(at.raw_jacobian[0].reshape(-1, 6), compute_uv=False),
+        np.linalg.svd(NOISES[0].image * at.jacobian[0].reshape(-1, 6), compute_uv=False),
         np.linalg.svd(matrix, compute_uv=False),
         rtol=1e-9,
     )
@@ -57,27 +61,69 @@ def test_the_true_pose_has_none_and_reversed_lines_are_named(view):
     assert at.reversed[0].tolist() == [i == 1 for i in range(len(lines))]
 
 
-@pytest.mark.parametrize("scene", [True, False], ids=["scene", "camera"])
-def test_covariance_is_that_of_noisy_lines(scene):
-    generator = np.random.default_rng(2)
-    lines, pose = random_view(generator, 4)
+def assert_whitened(lines, image, pose, at, covariance):
+    """The whitened residuals and Jacobians are those of the covariance, shape (n, 2, 2)."""
+    inverse, raw = np.linalg.inv(covariance), at.raw[0]
+    expected = np.einsum("in,nij,jn->n", raw, inverse, raw)
+    np.testing.assert_allclose(at.squared[0], expected, rtol=1e-4, atol=1e-12)
+    np.testing.assert_allclose(at.log_determinant[0], np.log(np.linalg.det(covariance)), atol=1e-4)
+    exact = LineSet(lines.direction, lines.moment, lines.frame)
+    slope = NOISES[0].image * residuals_of(exact, image, NOISES[0], pose).jacobian[0]
+    normal = np.einsum("ina,nij,jnb->nab", slope, inverse, slope)
+    found = np.einsum("ina,inb->nab", at.jacobian[0], at.jacobian[0])
+    size = np.abs(normal).max(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(found / size, normal / size, atol=1e-4)
+
+
+@pytest.mark.parametrize("noise", NOISES, ids=["image", "scene", "all"])
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_whitened_has_the_covariance_of_the_noise(seed, noise):
+    lines, pose = random_view(np.random.default_rng(seed), 6)
+    image = image_of(lines, pose.integrate(np.full(6, 0.01), 1.0)).image_lines
+    covariance = image_covariances(lines, pose, noise.image, noise.scene, noise.camera)
+    assert_whitened(lines, image, pose, residuals_of(lines, image, noise, pose), covariance)
+
+
+def map_covariances(lines, pose):
+    """What the tolerances of the lines make of angle and offset, by central differences, shape (n, 2, 2)."""
+    total = np.zeros((len(lines), 2, 2))
+    for i, u in enumerate(lines.direction):
+        for across in np.linalg.svd(u[np.newaxis])[2][1:]:
+            for shift, turn in ((lines.position_std[i] * across, 0.0 * u), (0.0 * u, lines.direction_std[i] * across)):
+                ends = []
+                for sign in (-1e-3, 1e-3):
+                    moved = LineSet.from_points_directions([lines.pivot[i] + sign * shift], [u + sign * turn])
+                    ends.append(image_of(moved, pose).image_lines[0])
+                sine = ends[0][0] * ends[1][1] - ends[0][1] * ends[1][0]
+                change = np.array([np.arcsin(sine), ends[1][2] - ends[0][2]]) / 2e-3
+                total[i] += np.outer(change, change)
+    return total
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_whitened_has_the_covariance_of_image_and_map(seed):
+    generator = np.random.default_rng(seed)
+    lines, pose = random_view(generator, 5)
+    lines = LineSet.from_points_directions(
+        lines.point + lines.direction * generator.normal(size=(5, 1)),
+        lines.direction,
+        position_std=generator.uniform(0.0, 0.02, size=5),
+        direction_std=generator.uniform(0.0, 0.02, size=5),
+    )
+    root = 1e-3 * generator.normal(size=(5, 2, 2))
+    own = root @ root.transpose(0, 2, 1) + 1e-8 * np.eye(2)
     image = image_of(lines, pose).image_lines
-    sigma, count = 1e-4, 4000
-    noise = LineNoise(0.0, sigma, 0.0) if scene else LineNoise(0.0, 0.0, sigma)
-    values = []
-    for _ in range(count):
-        exact = lines if scene else lines.transformed(pose.inverse(), "camera")
-        direction = exact.direction + generator.normal(scale=sigma, size=(4, 3))
-        moment = exact.moment + generator.normal(scale=sigma, size=(4, 3))
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        moment -= np.einsum("ij,ij->i", moment, direction)[:, np.newaxis] * direction
-        noisy = LineSet(direction, moment, exact.frame)
-        noisy = noisy if scene else noisy.transformed(pose, "world")
-        values.append(residuals_of(noisy, image, noise, pose).value[0])
-    values = np.array(values)
-    # Whitened by the covariance of each noisy scene: independent and of variance 1, within five standard deviations.
-    product = np.einsum("kin,kjn->nij", values, values) / count
-    np.testing.assert_allclose(product, np.broadcast_to(np.eye(2), (4, 2, 2)), atol=5.0 * np.sqrt(2.0 / count))
+    columns = np.stack([own[:, 0, 0], own[:, 0, 1], own[:, 1, 1]], axis=1)
+    at = ImageResiduals(known_lines(lines), image, residual_settings(LineNoise(0.0)), columns).at(*arrays(pose))
+    assert_whitened(lines, image, pose, at, own + map_covariances(lines, pose))
+
+
+@pytest.mark.parametrize(("height", "angle", "hidden"), [(3.0, 1.57, False), (-3.0, 1.04, True), (-3.0, 1.52, False)])
+def test_a_line_behind_the_camera_is_hidden_unless_it_comes_into_the_field_of_view(height, angle, hidden):
+    lines = LineSet.from_points_directions([[0.0, 1.0, height]], [[1.0, 0.0, 0.1]], "world")
+    camera = Pose(np.eye(3), np.zeros(3))
+    at = image_residuals(lines, image_of(lines, camera).image_lines, NOISES[0], angle).at(*arrays(camera))
+    assert at.hidden[0, 0] == hidden
 
 
 @settings(max_examples=40)
@@ -91,10 +137,8 @@ def test_visible_is_what_sampling_the_lines_says(view):
         seen.point, axis=1
     ).reshape(-1, 1, 1)
     cosine = (points[..., 2] / np.linalg.norm(points, axis=2)).max(axis=1)
-    inverse = pose.inverse()
     image = image_of(lines, pose).image_lines
-    model = image_residuals(lines, image, NOISES[0], largest)
-    hidden = model.at(inverse.rotation[np.newaxis], inverse.translation[np.newaxis]).hidden[0]
+    hidden = image_residuals(lines, image, NOISES[0], largest).at(*arrays(pose)).hidden[0]
     # Image lines that miss the field of view altogether are none that a tracker reports.
     reported = np.abs(image[:, 2]) / np.hypot(1.0, image[:, 2]) < np.sin(largest) - 1e-3
     clear = np.abs(cosine - np.cos(largest)) > 1e-3
