@@ -97,6 +97,8 @@ constexpr double min_spread = 1e-6;
 constexpr double parallel = 1e-15;
 // Of two lines, from which on it is more than rounding.
 constexpr double min_misfit = 1e-12;
+// Squared standard deviations up to which what two lines are off by is noise, and no exchange.
+constexpr double max_noise = 25.0;
 
 // Comparisons are written so that they fail for what is not a number.
 
@@ -270,7 +272,9 @@ py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, con
             const Vector3d s = one.variance + other.variance;
             // d' S^-1 d0 |S| for S = (s[0] s[1]; s[1] s[2]).
             const double product = s[2] * x * x0 - s[1] * (x * y0 + y * x0) + s[0] * y * y0;
-            const bool explains = total - own + swapped < frame_ratio * total && own > min_misfit;
+            const double dx = x - x0, dy = y - y0, square = s[2] * dx * dx - 2.0 * s[1] * dx * dy + s[0] * dy * dy;
+            const bool explains = total - own + swapped < frame_ratio * total && own > min_misfit &&
+                                  !(known && square < max_noise * (s[0] * s[2] - s[1] * s[1]));
             const double score = std::max(explains ? pair_ratio * own / swapped : 0.0,
                                           known ? -2.0 * product / (log_ratio * (s[0] * s[2] - s[1] * s[1])) : 0.0);
             if (!(score > most)) continue;

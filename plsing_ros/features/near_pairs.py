@@ -26,8 +26,8 @@ def exchanged_pair(
     What is wrong with the pose moves lines that are near each other alike. So their difference d in angle and offset is
     compared with that of their 3-D lines' images, d0: with the sum S of their covariances, exchanging them is
     exp(-2 d' S^-1 d0) times as likely. The map adds to the ends of a segment in the image what it is wrong there.
-    Without covariances, and beside them, the square misfit tells, if exchanging the two leaves hardly any of theirs and
-    little of that of all lines: the others show how large errors are.
+    Without covariances, and beside them where the two are off by more than noise, the square misfit tells, if
+    exchanging the two leaves hardly any of theirs and little of that of all lines: others show how large errors are.
 
     Args:
         image: n image lines, shape (n, 3).

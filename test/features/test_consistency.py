@@ -205,6 +205,20 @@ def test_exchanged_image_lines_without_covariances_are_named_if_the_other_lines_
     assert exchanged_pair(image[[1, 0, 2, 3, 4]], moment, None, 0.005) == (0, 1)
 
 
+@given(bend=numbers(-0.02, 0.02), share=numbers(-4.0, 4.0))
+def test_lines_that_are_off_by_what_their_covariances_say_are_not_exchanged(bend, share):
+    # Two edges end to end, nearly one line; where they meet they are off, so that each turns as the other one does.
+    std = 2e-3
+    off = 0.5 * share * std
+    ends = np.array([[[-0.15, -0.1], [-0.15 + off, 0.0]], [[-0.15 + off, 0.0], [-0.15 + bend, 0.1]]])
+    true = np.array([[[-0.15, -0.1], [-0.15, 0.0]], [[-0.15, 0.0], [-0.15 + bend, 0.1]]])
+    lines = [np.cross(np.append(a, 1.0), np.append(b, 1.0)) for a, b in [*ends, *true]]
+    image, moment = np.split(np.array([line / np.hypot(*line[:2]) for line in lines]), 2)
+    by_turn = std / 0.05
+    own = np.tile((by_turn**2, 0.0, 2.0 * std**2), (2, 1))
+    assert exchanged_pair(image, 0.4 * moment, own, 0.005) is None
+
+
 @given(angle=numbers(-3.0, 3.0), distance=numbers(0.011, 0.2), error=vectors(3, -0.002, 0.002))
 def test_a_negated_image_line_is_refused_also_where_the_camera_nearly_touches_the_line(angle, distance, error):
     beside = np.array([math.cos(angle), math.sin(angle), 0.0]) * distance
