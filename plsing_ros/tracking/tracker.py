@@ -46,6 +46,7 @@ _FOUND_EXCESS = 0.8
 _STARTS_PER_IMAGE = 4
 # WEAK if the standard deviation of the object's position exceeds this share of its radius, LOST beyond all of it.
 _MAX_DEVIATION = 0.3
+_MAX_TURN = math.radians(2.5)  # of the rotation's standard deviation: WEAK beyond
 # Poses that look the same and differ by less cannot be told apart; more with each image without the object [rad].
 _MIN_DOUBT, _DOUBT_PER_LOSS = 0.5, 0.1
 # Errors of edges last for some images: the variance of a pose that is carried on by points grows by this each time.
@@ -292,7 +293,8 @@ class LineTracker:
         if not deviation < self.model.radius:
             return self._lost(f"the edges leave the position uncertain by {deviation:.2g} m")
         self._losses = 0
-        state, reason = self._verdict(fit, deviation, _FOUND_EXCESS if found else _GOOD_EXCESS, contradicted)
+        turn = math.sqrt(float(np.trace(covariance[3:, 3:])))
+        state, reason = self._verdict(fit, deviation, turn, _FOUND_EXCESS if found else _GOOD_EXCESS, contradicted)
         self._last = pose
         if state is TrackingState.TRACKING:
             self._trusted = pose
@@ -360,7 +362,9 @@ class LineTracker:
         self._measure = max(variance / (_SHOWN * max(fit.scale, 1.0)) ** 2, _MIN_SHARE)
         return self._measure
 
-    def _verdict(self, fit: _Fit, deviation: float, good: float, contradicted: str) -> tuple[TrackingState, str]:
+    def _verdict(
+        self, fit: _Fit, deviation: float, turn: float, good: float, contradicted: str
+    ) -> tuple[TrackingState, str]:
         other = self._alternative(fit)
         if other is not None:
             degrees = math.degrees(angle_between(other, fit.T_camera_model))
@@ -378,6 +382,8 @@ class LineTracker:
             return TrackingState.WEAK, contradicted
         if deviation > _MAX_DEVIATION * self.model.radius:
             return TrackingState.WEAK, f"the edges leave the position uncertain by {deviation:.2g} m"
+        if turn > _MAX_TURN:
+            return TrackingState.WEAK, f"the edges leave the rotation uncertain by {math.degrees(turn):.1f} degrees"
         return TrackingState.TRACKING, ""
 
     def _at_object(self, covariance: Array, T_camera_model: Pose) -> Array:
