@@ -20,6 +20,17 @@ def followed(tracker, images, start):
     return [tracker.track(image, start if k == 0 else None) for k, image in enumerate(images)]
 
 
+@pytest.mark.parametrize(("distance", "state"), [(0.3, TrackingState.TRACKING), (1.0, TrackingState.WEAK)])
+def test_a_face_seen_straight_on_from_afar_leaves_the_rotation_uncertain(distance, state):
+    true, random = Pose.look_at([0.0, 0.001, distance], [0.0, 0.0, 0.0]), np.random.default_rng(0)
+    drawing, tracker = renderer(background=0.02), LineTracker(box(), CAMERA)
+    result = followed(tracker, [drawing.render(true.inverse(), 2.0, random) for _ in range(3)], true)[-1]
+    assert result.state == state, result.reason
+    assert ("rotation" in result.reason) == (state is TrackingState.WEAK)
+    off = Rotation.from_matrix(result.T_world_camera.rotation @ true.rotation.T).as_rotvec()
+    assert off @ np.linalg.solve(result.covariance[3:, 3:], off) < 12.0
+
+
 @pytest.mark.parametrize(("camera", "patches", "noise"), [(CAMERA, 0, 2.0), (LENS, 25, 4.0)])
 def test_a_moving_box_is_tracked_and_its_uncertainty_is_honest(camera, patches, noise):
     drawing = renderer(camera=camera, patches=patches, background=0.02)
