@@ -36,6 +36,7 @@ class Prediction:
 
     Attributes:
         rules: Whether the roll-out alone is to alert: there is one, or there will be one in a moment.
+        first_speed: At which the present motion began, to which growth refers [m/s]; 0 before any.
     """
 
     def __init__(self) -> None:
@@ -49,7 +50,7 @@ class Prediction:
     def restart(self) -> None:
         """Begin with another task: another target, or another clock."""
         self._twist: tuple[int, Array] | None = None
-        self._first_speed, self._moved = 0.0, 0
+        self.first_speed, self._moved = 0.0, 0
         self._patience = _PATIENCE_AT_START
         self.rules = False
         self.interrupt()
@@ -76,8 +77,8 @@ class Prediction:
         # A motion begins when the camera leaves its rest; that speed is what growth refers to. A camera that only turns
         # for an instant does not rest.
         # Also after a twist that was stamped far ahead, by whatever clock: it says nothing about the present.
-        if self._first_speed == 0.0 or abs(stamp - self._moved) > _REST:
-            self._first_speed = speed
+        if self.first_speed == 0.0 or abs(stamp - self._moved) > _REST:
+            self.first_speed = speed
         self._moved = stamp
 
     def recent_twist(self, stamp: int, timeout: float) -> Array | None:
@@ -116,7 +117,7 @@ class Prediction:
             self._ids = lines.ids
         image = observation.usable_image_lines
         expected = None
-        commanded = None if self._first_speed == 0.0 else self._twist
+        commanded = None if self.first_speed == 0.0 else self._twist
         if twist is not None and commanded is not None and target_image is None:
             target_image = self._target_image(twist, commanded[0])
         if twist is None or commanded is None or target_image is None:
@@ -134,7 +135,7 @@ class Prediction:
         if expected is None:
             return None
         return Expected(
-            max(expected.speed, parameters.min_speed) / self._first_speed, expected.time, expected.with_noise
+            max(expected.speed, parameters.min_speed) / self.first_speed, expected.time, expected.with_noise
         )
 
     def _target_image(self, twist: Array, twist_stamp: int) -> Array | None:

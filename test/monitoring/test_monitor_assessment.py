@@ -22,6 +22,7 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.approach import Trend
 from plsing_ros.monitoring.hysteresis import Debounce, Hysteresis, Thresholds
+from plsing_ros.monitoring.prediction import Prediction
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.simulation.simulated_camera import SimulatedCamera
@@ -122,15 +123,14 @@ def test_start_2_is_announced_as_well_to_a_monitor_that_does_not_know_the_goal(w
 
 def test_a_speed_that_passes_zero_is_no_new_start():
     """A camera that only turns for an instant: growth still refers to the speed at the start of the motion."""
-    monitor = monitor_for(TARGET)
+    prediction = Prediction()
     for i in range(30):
-        monitor.answer(seen(START), NOW + i * STEP, NOW + i * STEP)
-        monitor.receive_twist([0.1 if i != 20 else 1e-5, 0, 0, 0, 0.1, 0], NOW + i * STEP)
-    assert monitor._prediction._first_speed == pytest.approx(0.1)
+        prediction.receive_twist(np.array([0.1 if i != 20 else 1e-5, 0, 0, 0, 0.1, 0]), NOW + i * STEP, 1e-3)
+    assert prediction.first_speed == pytest.approx(0.1)
     for i in range(30, 60):
-        monitor.receive_twist(np.zeros(6), NOW + i * STEP)
-    monitor.receive_twist([0.02, 0, 0, 0, 0, 0], NOW + 60 * STEP)
-    assert monitor._prediction._first_speed == pytest.approx(0.02)
+        prediction.receive_twist(np.zeros(6), NOW + i * STEP, 1e-3)
+    prediction.receive_twist(np.array([0.02, 0, 0, 0, 0, 0]), NOW + 60 * STEP, 1e-3)
+    assert prediction.first_speed == pytest.approx(0.02)
 
 
 def test_a_single_twist_from_the_future_is_no_start_of_all_motions_until_then():
