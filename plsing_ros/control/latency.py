@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,14 @@ _MUCH_LATER = 0.5
 _HERE = Pose(np.eye(3), np.zeros(3))
 
 
+class _Motion(NamedTuple):
+    """Rotation and translation of a camera by a twist that was held for so long [ns]."""
+
+    held: int
+    rotation: Array
+    translation: Array
+
+
 class LookAhead:
     """Remembers the twists that were sent, and moves features by those that act after an image was taken.
 
@@ -35,24 +44,19 @@ class LookAhead:
 
     def __init__(self) -> None:
         self._sent: deque[tuple[int, Array]] = deque(maxlen=_MOST_TWISTS)
-        # Of twists under way, by their stamps: for how long each was held [ns], with rotation and translation of that.
-        self._motions: dict[int, tuple[int, Array, Array]] = {}
+        # Of the twists that were under way when last asked, by their stamps.
+        self._motions: dict[int, _Motion] = {}
 
     def clear(self) -> None:
         """Take note that the robot stands still."""
         self._sent.clear()
         self._motions.clear()
 
-    def forget_motions(self) -> None:
-        """Drop what was computed for twists under way, which are still remembered."""
-        self._motions.clear()
-
     def sent(self, twist: Array, stamp: int) -> None:
         """Take note of a twist (6,) of the camera that answers an image of that stamp [ns]."""
-        sent = self._sent
-        if sent and sent[-1][0] >= stamp:
-            self._motions.pop(sent.pop()[0], None)
-        sent.append((stamp, twist))
+        if self._sent and self._sent[-1][0] >= stamp:
+            self._motions.pop(self._sent.pop()[0], None)
+        self._sent.append((stamp, twist))
 
     def motion(self, stamp: int, latency: float) -> Pose:
         """Return T_now_then: where the camera is when it begins to move by an image, seen from where it took it.
@@ -63,25 +67,20 @@ class LookAhead:
         """
         start = stamp - round(latency * _SECOND)
         while len(self._sent) > 1 and self._sent[1][0] <= start:
-            self._motions.pop(self._sent.popleft()[0], None)
+            self._sent.popleft()
         entries = list(self._sent)
         ends = [*(each for each, _ in entries[1:]), stamp] if entries else []
         R, t = _HERE.rotation, _HERE.translation
+        before, self._motions = self._motions, {}
         for (begin, twist), end in zip(entries, ends, strict=True):
-            held = min(end, stamp) - max(begin, start)
+            held = min(min(end, stamp) - max(begin, start), _LONGEST_HOLD)
             if held > 0:
-                turned, moved = self._motion_of(begin, twist, min(held, _LONGEST_HOLD))
-                R, t = R @ turned, t + R @ moved
+                motion = before.get(begin)
+                if motion is None or motion.held != held:
+                    motion = _motion(twist, held)
+                self._motions[begin] = motion
+                R, t = R @ motion.rotation, t + R @ motion.translation
         return Pose(R, t) if R is not _HERE.rotation else _HERE
-
-    def _motion_of(self, begin: int, twist: Array, held: int) -> tuple[Array, Array]:
-        """Return rotation and translation of the camera after a twist was held for so long [ns]."""
-        known = self._motions.get(begin)
-        if known is None or known[0] != held:
-            seconds = held / _SECOND
-            rotation, mean = exponential(seconds * twist[3:])
-            known = self._motions[begin] = held, rotation, mean @ (seconds * twist[:3])
-        return known[1:]
 
     def ahead(self, lines: LineSet, image: Array, stamp: int, latency: float) -> tuple[LineSet, Array]:
         """Return lines and image lines as they will be then; as they are where one of them would have no image.
@@ -128,3 +127,9 @@ class FeatureAge:
             f"features are {self._age:.2g} s old when they are answered, and latency is {latency:g} s: gain times the "
             f"difference is {missing:.2g}, and the loop diverges above 1.57; set latency, or a lower gain"
         )
+
+
+def _motion(twist: Array, held: int) -> _Motion:
+    seconds = held / _SECOND
+    rotation, mean = exponential(seconds * twist[3:])
+    return _Motion(held, rotation, mean @ (seconds * twist[:3]))

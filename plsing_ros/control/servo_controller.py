@@ -140,7 +140,7 @@ class ServoController:
                 self._target, self._loci = target, loci
                 self._restart()
             elif self._cycle is not None:
-                self._cycle.change_parameters(parameters)
+                self._cycle.parameters = parameters
             self._check_target()
 
         return put_in_force

@@ -62,7 +62,7 @@ class ServoCycle:
         """Begin a run.
 
         Args:
-            parameters: To begin with; change_parameters replaces them.
+            parameters: May be replaced while running.
             target: Where to go.
             loci: Of the scene, or None if it is not known.
             T_world_target: Camera pose at the target, or None if it is not known.
@@ -92,12 +92,6 @@ class ServoCycle:
             self._path = None
         elif self._path is None or not self._path.leads_to(T_world_target):
             self._path = PathTracker(self._loci, T_world_target, target.lines, self._planner)
-
-    def change_parameters(self, parameters: ControllerParameters) -> None:
-        """Go on with other parameters."""
-        self.parameters = parameters
-        if parameters.latency == 0.0:
-            self._look_ahead.forget_motions()
 
     @property
     def plan(self) -> Plan | None:
