@@ -85,10 +85,9 @@ def path_risk(
     for number, pose in enumerate(poses):
         state = RunState(law.deadline, float(np.linalg.norm(pose.translation - target.translation)))
         outcomes = task.roll_out([pose] * samples, state, number)
-        kinds = outcomes.kind[outcomes.kind != Harm.NONE]
         probability.append(outcomes.risk)
         demand.append(outcomes.demanded)
-        harm.append(Harm(int(np.bincount(kinds).argmax())) if len(kinds) else Harm.NONE)
+        harm.append(outcomes.harm)
     return PathRisk(law.law, np.array(probability), np.array(demand), tuple(harm))
 
 

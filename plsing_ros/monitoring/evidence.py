@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from plsing_ros.arrays import Array
+from plsing_ros.planning.rollout import reached_size
 
 # What is believed before anything is counted: as if half a sample had been counted, a fifth of it harmed.
 _PRIOR_SAMPLES, _PRIOR_SHARE = 0.5, 0.2
@@ -66,6 +67,4 @@ class Sizes:
         self._answers = [*before, (1.0, samples)]
         sizes = np.concatenate([each for _, each in self._answers])
         weights = np.concatenate([np.full(len(each), weight) for weight, each in self._answers])
-        order = np.argsort(-sizes)
-        reached = np.cumsum(weights[order])
-        return float(sizes[order[int(np.searchsorted(reached, (share - 1e-9) * reached[-1]))]])
+        return reached_size(sizes, weights, share)

@@ -81,8 +81,7 @@ class Risk:
     @cached_property
     def harm(self) -> Harm:
         """The most frequent kind of harm, NONE if no sample comes to harm."""
-        kinds = self.outcomes.kind[self.outcomes.kind != Harm.NONE]
-        return Harm(int(np.bincount(kinds).argmax())) if len(kinds) else Harm.NONE
+        return self.outcomes.harm
 
     @property
     def harm_text(self) -> str:
@@ -229,13 +228,8 @@ class RiskPredictor:
         still = np.zeros(6)
         command = self._commands[-1][1] if self._commands and stamp - self._commands[-1][0] < _REST else still
         start_distance, first_speeds, arrived_for = clock.start_distance, clock.first_speeds, clock.arrived_for
-        is_first, stated, stamps, known_path, known_shaking = (
-            self._latest is None,
-            self._stated,
-            self._stamps,
-            self._path,
-            self._shaking,
-        )
+        is_first, stated, stamps = self._latest is None, self._stated, self._stamps
+        known_path, known_shaking = self._path, self._shaking
         segments, map_residuals, check = self._segments, self._residuals, self._law_check
         samples, seed, run = parameters.samples, self._seed, clock.run
 

@@ -50,6 +50,10 @@ class PathFollower:
 
     The path has a clock of its own, so that it waits when the camera must go slower than the path asks.
 
+    Attributes:
+        path: That is followed.
+        lines: In the scene frame.
+
     Source: section "Trajectory following across singularity line L_N" of the paper, without the feed-forward.
     """
 

@@ -203,6 +203,20 @@ class RunState:
     answer: Array | None = None
 
 
+def reached_size(sizes: Array, weights: Array, share: float) -> float:
+    """Return the largest size that at least this share of samples, by their weights, reaches.
+
+    Args:
+        sizes: Of k samples, shape (k,), k >= 1.
+        weights: Of each, above 0, shape (k,).
+        share: Above 0, at most 1.
+    """
+    order = np.argsort(-sizes)
+    reached = np.cumsum(weights[order])
+    # Rounding must not ask for one sample more.
+    return float(sizes[order[int(np.searchsorted(reached, (share - 1e-9) * reached[-1]))]])
+
+
 @dataclass(frozen=True, eq=False)
 class Outcomes:
     """What came of k samples, each array of shape (k,).
@@ -241,8 +255,13 @@ class Outcomes:
     @property
     def demanded(self) -> float:
         """The demand that a quarter of the samples reaches."""
-        rank = math.ceil(DEMAND_SHARE * len(self.demand))
-        return float(np.sort(self.demand)[-rank])
+        return reached_size(self.demand, np.ones(len(self.demand)), DEMAND_SHARE)
+
+    @property
+    def harm(self) -> Harm:
+        """The most frequent kind of harm, NONE if no sample comes to harm."""
+        kinds = self.kind[self.kind != Harm.NONE]
+        return Harm(int(np.bincount(kinds).argmax())) if len(kinds) else Harm.NONE
 
     def replaced(self, rows: Sequence[int], by: Outcomes) -> Outcomes:
         """Return these with others in the place of some samples, by their numbers."""
