@@ -148,7 +148,7 @@ struct Alignment {
 };
 
 Alignment align(const Rows3Ref &direction, const Rows3Ref &moment, const Rows3Ref &seen_direction,
-                  const Rows3Ref &seen_moment)
+                const Rows3Ref &seen_moment)
 {
     const Index n = direction.rows();
     Alignment found;

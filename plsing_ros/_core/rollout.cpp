@@ -237,7 +237,7 @@ private:
         Vector6d command = commands_[latest_ % commands_.size()];
         if (loop_.dropped_frames == 0.0 || random_.uniform() >= loop_.dropped_frames)
             command = controller_.command(believed());
-        if (step_ == 0 && loop_.has_answer) command = loop_.answer;
+        if (step_ == 0 && loop_.answer) command = *loop_.answer;
         note_demand(command, time);
         // The command for frame k is carried out from frame k + latency on, later with jitter.
         latest_++;

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "rollout_law.hpp"
@@ -46,8 +47,8 @@ struct Loop {
     double horizon, deadline, elapsed, start_distance, first_linear, first_angular;
     double demand_linear, demand_angular, path_linear, path_angular, arrived_for;
     int latency;
-    bool stops, pose_error_lasts, has_answer = false;
-    Vector6d answer = Vector6d::Zero();
+    bool stops, pose_error_lasts;
+    std::optional<Vector6d> answer;
 };
 
 enum Kind : int { kArrived = 0, kAway = 1, kFewLines = 2, kLate = 3 };

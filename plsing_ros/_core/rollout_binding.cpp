@@ -189,8 +189,7 @@ py::dict roll_out_all(const Rows3 &direction, const Rows3 &moment, const Rows3 &
     loop.first_angular = number(state, "first_angular_speed");
     loop.arrived_for = number(state, "arrived_for");
     const py::object answer = state.attr("answer");
-    loop.has_answer = !answer.is_none();
-    if (loop.has_answer) loop.answer = answer.cast<Vector6d>();
+    if (!answer.is_none()) loop.answer = answer.cast<Vector6d>();
     const auto motion = state.attr("motion").cast<Vector6d>(), command = state.attr("command").cast<Vector6d>();
     Scene scene = scene_from(direction, moment, ends, pose_from(target), covariances, law);
     add_loci(scene, loci);

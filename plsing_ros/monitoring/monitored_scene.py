@@ -77,7 +77,7 @@ class MonitoredScene:
             covariances: Of their image lines, as LineObservation has them, or None.
         """
         numbers = interaction_conditioning(lines, self._length)
-        ruling = numbers if self._in_all_directions else self.ruling(numbers)
+        ruling = self.ruling(numbers)
         if pose is None:
             return Measurement(numbers, ruling, target_inverse)
         distances = self.singular.distance_arrays(pose)
