@@ -43,7 +43,7 @@ def risks_of_laws(
         starts = [pose] * parameters.samples
         outcomes = task.roll_out(starts, RunState(law.deadline, distance), 0)
         shaking = expected_shaking(task, parameters.samples, 0, MAX_STEPS)
-        found[name] = Risk(0, outcomes, law, pose, outcomes.risk, outcomes.demanded, shaking)
+        found[name] = Risk(0, outcomes, outcomes.risk, outcomes.demanded, shaking)
     return found
 
 

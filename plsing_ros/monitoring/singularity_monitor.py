@@ -30,7 +30,8 @@ from plsing_ros.monitoring.monitored_scene import MonitoredScene, usable_lines
 from plsing_ros.monitoring.monitored_target import NOT_KNOWN, MonitoredTarget
 from plsing_ros.monitoring.pose_check import assess_pose
 from plsing_ros.monitoring.prediction import Prediction
-from plsing_ros.monitoring.risk import Risk, RiskPredictor
+from plsing_ros.monitoring.risk import Risk
+from plsing_ros.monitoring.risk_predictor import RiskPredictor
 from plsing_ros.monitoring.slope import Slope
 from plsing_ros.monitoring.unobservable_motion_text import unobservable_motion_text
 from plsing_ros.parameters import MonitorParameters

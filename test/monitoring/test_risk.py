@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
 from plsing_ros.levels import Level
-from plsing_ros.monitoring.risk import RiskPredictor
+from plsing_ros.monitoring.risk_predictor import RiskPredictor
 from plsing_ros.monitoring.rollout_setup import roll_out_around, rollout_task
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.parameters import MonitorParameters
