@@ -16,6 +16,7 @@ from plsing_ros.geometry import Pose
 from plsing_ros.monitoring.evidence import Evidence, Sizes
 from plsing_ros.monitoring.law_check import LawCheck
 from plsing_ros.monitoring.map_residuals import MapResiduals
+from plsing_ros.monitoring.pose_drift import may_stray
 from plsing_ros.monitoring.risk import Risk
 from plsing_ros.monitoring.rollout_question import RolloutAnswer, RolloutQuestion, law_in_force
 from plsing_ros.monitoring.run_clock import RunClock
@@ -54,7 +55,7 @@ class RiskPredictor:
         self._due: RolloutQuestion | None = None
         self._pending: Future[RolloutAnswer | None] | None = None
         self._asked: int | None = None
-        self._run = 0
+        self._run, self._deviation = 0, 0.0
         self._stamps: list[int] = []
         self._evidence, self._speeds = Evidence(), Sizes()
         self._law_check = LawCheck()
@@ -77,6 +78,13 @@ class RiskPredictor:
     def seen_ends(self) -> Array | None:
         """Where the segments end by what was seen of them, in the scene frame, shape (n, 2, 3) [m], if anything was."""
         return None if self._segments is None else self._segments.ends()
+
+    def may_stray(self, observation: LineObservation, parameters: MonitorParameters) -> bool:
+        """Return whether the latest features are of a POOR pose that a path is followed by, and that may mislead it."""
+        law, gain = self._stated or (parameters.law, parameters.gain)
+        if law != "detour" or observation.verdict is not LinesVerdict.POOR:
+            return False
+        return may_stray(self._deviation, gain, min(self._clock.start_distance, self._clock.distance))
 
     def receive_twist(self, twist: Array, stamp: int, min_speed: float) -> None:
         """Take the commanded twist (6,) for the features of a stamp [ns]; below min_speed [m/s] the camera rests."""
@@ -134,6 +142,7 @@ class RiskPredictor:
         due = self._asked is None or not 0 <= stamp - self._asked < period
         deviation = 0.0 if covariance is None else math.sqrt(sum(covariance.ravel().tolist()[:15:7]))
         elapsed = self._clock.update(stamp, pose, T_world_target, parameters.degrees_of_freedom, deviation)
+        self._deviation = deviation
         if due and not self.is_awaited:
             if self._run != self._clock.run:
                 self._run, self._evidence, self._speeds = self._clock.run, Evidence(), Sizes()

@@ -26,6 +26,7 @@ class RunClock:
     Attributes:
         start: Stamp of its first features [ns], or None.
         start_distance: From the target then [m], as far as is known by now.
+        distance: From the target now [m].
         first_speeds: (|v|, |omega|) of the law's first command; negative as long as they are not known.
         run: Number of the run; a camera that rests stays in one.
         arrived_for: How long the camera has been within 5 cm and 2 degrees of the target [s].
@@ -38,7 +39,7 @@ class RunClock:
     def restart(self) -> None:
         """Begin with another task."""
         self.start: int | None = None
-        self.start_distance = 0.0
+        self.start_distance = self.distance = 0.0
         self.first_speeds = (-1.0, -1.0)
         self.arrived_for = 0.0
         self.run += 1
@@ -71,6 +72,7 @@ class RunClock:
             deviation: Standard deviation of the position here [m].
         """
         distance, angle = distance_between(here, target, used)
+        self.distance = distance
         rests = self._moved is None or stamp - self._moved > _REST
         if not (distance <= _ARRIVED and angle <= _ARRIVED_ANGLE):
             self._arrived_since = None

@@ -289,6 +289,7 @@ class SingularityMonitor:
             else self._indicators.predicted(risk, stamp, self._describe_motion_at_target)
         )
         is_rolled_out = risk is not None and covariance is not None and parameters.rollout_rules
+        is_rolled_out = is_rolled_out and not self._risk.may_stray(observation, parameters)
         expected.append(verdict_indicator(observation, is_rolled_out))
         indicators, levels, is_near = self._judged(found, expected, calm)
         level = worst(levels, scene.singular_everywhere)

@@ -270,6 +270,31 @@ def test_poor_lines_do_not_alert_where_samples_of_their_pose_are_rolled_out():
     assert levels == {(False, Level.OK), (True, Level.WARN)}
 
 
+@pytest.mark.parametrize(
+    ("law", "gain", "deviation", "level"),
+    [
+        ("detour", 1.0, 0.2, Level.WARN),
+        # Slowly, or by a pose that is known well, it does not get far before it is corrected.
+        ("detour", 0.1, 0.2, Level.OK),
+        ("detour", 1.0, 0.05, Level.OK),
+        # It goes straight to the target, and not along a path from where the first pose was.
+        ("position", 1.0, 0.2, Level.OK),
+    ],
+)
+def test_a_path_that_is_followed_by_a_poor_pose_alerts_where_it_may_lead_away(law, gain, deviation, level):
+    seen = LineObservation.of_lines(SCENE.transformed(CALM.inverse(), "camera"))
+    poor = dataclasses.replace(seen, verdict=LinesVerdict.POOR, verdict_reason="far off", lines_source="filter")
+    watched = Watched(law=law, gain=gain)
+    watched.monitor.receive_path([CALM, TARGET])
+    covariance = np.diag([deviation**2, 1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
+    for _ in range(3):
+        watched.now += STEP
+        watched.monitor.receive_pose(CALM, watched.now, covariance)
+        found = watched.monitor.answer(poor, watched.now, watched.now)
+    assert found.level is level, found.reason
+    assert ("far off" in found.reason) == (level is Level.WARN)
+
+
 def test_a_path_of_detour_that_leads_away_is_announced_and_one_of_another_target_is_not():
     start = Pose(LOOK @ Rotation.from_rotvec([0.0, 0.0, 0.2]).as_matrix(), TARGET.translation)
     far = Pose(start.rotation, start.translation + [0.4, 0.0, 0.0])
