@@ -114,6 +114,8 @@ class ServoCycle:
         self._factor = 0.0
         self._stall.clear()
         self._look_ahead.clear()
+        if self._pose_laws is not None:
+            self._pose_laws.pause()
 
     def command(
         self,

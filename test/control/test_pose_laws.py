@@ -3,14 +3,15 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from scipy.spatial.transform import Rotation
 from strategies import numbers, seen_lines, vectors
 
-from plsing_ros.control import pose_laws
+from plsing_ros.control import pose_doubt
 from plsing_ros.control.command import Mode
+from plsing_ros.control.image_mismatch import mismatch, polar
 from plsing_ros.control.latency import LookAhead
-from plsing_ros.control.pose_laws import PoseErrors, PoseLaws, mismatch, polar
+from plsing_ros.control.pose_laws import PoseErrors, PoseLaws
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import GeometryError, ObservationError, ParameterError
 from plsing_ros.features import LineObservation, interaction_matrix, inverse_condition_number, project_lines
@@ -111,12 +112,9 @@ def run_with_wrong_pose(direction, off, start, turn, stated=None):
 
 @given(direction=vectors(3, -1.0, 1.0), off=numbers(0.02, 0.6), start=vectors(3, -0.4, 0.4), turn=vectors(3, -0.1, 0.1))
 @settings(deadline=None, max_examples=20)
-def test_fused_never_ends_farther_away_by_a_wrong_pose_that_the_image_shows(direction, off, start, turn):
-    """Or that is off by less than the way to go: an error that hardly moves the image is believed, and led to."""
+@example(direction=np.array([0.0, 0.0, 1.0]), off=0.125, start=np.array([0.0, 0.0, 0.0625]), turn=np.zeros(3))
+def test_fused_never_ends_farther_away_by_a_wrong_pose(direction, off, start, turn):
     assume(np.linalg.norm(direction) > 0.1 and np.linalg.norm(start) > 0.05)
-    error = np.concatenate([off * direction / np.linalg.norm(direction), turn])
-    shift = np.linalg.norm(interaction_matrix(LINES.transformed(TARGET.inverse(), "camera")) @ error)
-    assume(shift > 0.1 or off < np.linalg.norm(start))
     began, ended, _ = run_with_wrong_pose(direction, off, start, turn)
     assert ended <= began + 1e-3
 
@@ -126,7 +124,7 @@ def test_an_image_that_fits_the_map_counts_more_than_is_said_of_it_where_the_pos
     ended = {}
     for said in ("shown", 1e9):
         if said != "shown":
-            monkeypatch.setattr(pose_laws, "_SAID", said)
+            monkeypatch.setattr(pose_doubt, "_SAID", said)
         runs = [
             run_with_wrong_pose(row[:3], 0.125 + 0.075 * row[6], 0.4 * row[3:6], np.zeros(3), covariance(0.003, 0.0035))
             for row in drawn

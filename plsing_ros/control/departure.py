@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a wrong pose leads the camera away from the target, as the image tells."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import chdtri
+
+from plsing_ros.arrays import Array
+from plsing_ros.control.displacement import composed
+from plsing_ros.control.image_mismatch import ImageMismatch, whitened
+
+# A share of each frame in the mean: twenty frames or so are remembered.
+_MEMORY = 0.05
+# Degrees of freedom of a pose.
+_OF_A_POSE = 6
+# How sure it is that the errors of the image are not larger than what the best pose leaves of it says.
+_SURE = 0.95
+# The least variance of the image over what is said.
+_LEAST = 1e-6
+# A pose may be off by ten times what its covariance says where the image does not tell.
+_WIDE = 0.01
+# A pose is doubted when the image explains more than this times what its covariance allows.
+_DOUBTFUL = 2.0
+# The camera is as far away as the image shows beyond so many standard deviations.
+_DEVIATIONS = 2.0
+# Steps to where the image puts the camera: the first is only right for a pose that is a little wrong. A step must take
+# away this share of what is left.
+_STEPS = 8
+_WORTH = 0.1
+
+
+class Departure:
+    """Watches how far from the target the camera is by the image.
+
+    Attributes:
+        scale: Variance of the image's errors over what is said: the largest that leaves so little, at most 1.
+    """
+
+    def __init__(self) -> None:
+        self.scale = 1.0
+        # Of the latest frames with the same lines: how many, the mean of J and r, and its variance over a frame's.
+        self._frames, self._variance = 0, 0.0
+        self._mean: Array = np.zeros((0, 7))
+        # How far from the target the camera was when it began, and whether it was seen to be farther [m].
+        self._began: float | None = None
+        self._led_away = self._paused = False
+
+    def pause(self) -> None:
+        """Take note that the camera was told to stand still: what moves it meanwhile is not the pose."""
+        self._paused = True
+
+    def change_lines(self) -> None:
+        """Begin another mean: the next frames have other lines."""
+        self._frames, self._variance = 0, 0.0
+
+    def update(self, seen: ImageMismatch, own: Array, lasting: Array, pose: Array, told: Array) -> float:
+        """Learn from a frame, and return by how much more than its covariance allows the pose is off.
+
+        That is 0 until the image shows that the camera is farther from the target than where it began. A pose that led
+        there is not believed again. Of lines that any pose explains, three, nothing is learnt.
+
+        Args:
+            seen: The mismatch of the frame.
+            own, lasting: Covariances of image lines in one frame, and of errors that are the same in all, shape (n, 3).
+            pose: Covariance of what a pose may explain, shape (6, 6).
+            told: The displacement from the target by the pose, as a twist over unit time, shape (6,).
+
+        Source: new, docs/pose_laws.md.
+        """
+        self._frames += 1
+        share = max(_MEMORY, 1.0 / self._frames)
+        frame = np.column_stack([seen.J, seen.r])
+        self._mean = frame if self._frames == 1 else self._mean + share * (frame - self._mean)
+        self._variance = (1.0 - share) ** 2 * self._variance + share**2
+        spare = len(frame) - _OF_A_POSE
+        if spare <= 0:
+            return 0.0
+        covariances = self._variance * own + lasting
+        rows, known = whitened(self._mean, covariances), np.linalg.inv(pose)
+        J, r = rows[:, :6], rows[:, 6]
+        delta: Array = np.zeros(6)
+        normal, left, limit = J.T @ J, math.inf, float(chdtri(spare, _SURE))
+        for _ in range(_STEPS):
+            rest = float(np.square(r - J @ np.linalg.lstsq(J, r, _LEAST)[0]).sum())
+            if rest > (1.0 - _WORTH) * left:
+                break
+            left, right = rest, J.T @ r
+            self.scale = min(1.0, left / limit + _LEAST)
+            delta = np.asarray(np.linalg.solve(normal + self.scale * _WIDE * known, right), dtype=float)
+            there = seen.seen_from(delta)
+            if there is None:
+                break
+            # The mean, and what is not linear on the way there.
+            r = rows[:, 6] + whitened(there.r - seen.r + seen.J @ delta, covariances)
+        self._watch(composed(told, delta)[:3], self.scale * np.linalg.inv(normal + self.scale * _WIDE * known)[:3, :3])
+        if not self._led_away:
+            return 0.0
+        explained = float(right @ delta) - float(right @ np.linalg.solve(normal + self.scale * known, right))
+        return max(0.0, explained / (_OF_A_POSE * self.scale) - _DOUBTFUL)
+
+    def _watch(self, position: Array, covariance: Array) -> None:
+        """Take note of where the camera is by the image, seen from the target, shapes (3,) [m] and (3, 3)."""
+        variances, axes = np.linalg.eigh(covariance)
+        along, unsure = np.abs(axes.T @ position), _DEVIATIONS * np.sqrt(np.maximum(variances, 0.0))
+        at_least = float(np.linalg.norm(np.maximum(along - unsure, 0.0)))
+        if self._began is None:
+            self._began = float(np.linalg.norm(position))
+        elif self._paused:
+            self._began = max(self._began, at_least)
+        self._paused = False
+        self._led_away = self._led_away or at_least > self._began
