@@ -32,7 +32,7 @@ def test_recent_stamps_are_accepted(fresh, age):
 def test_others_are_refused_and_leave_no_trace(fresh, stamp, words):
     assert words in fresh.refusal(stamp, NOW)
     assert fresh.last_stamp is None
-    assert fresh.silence(NOW).startswith("the features that come are refused: ")
+    assert "features" in fresh.silence(NOW) and "refused" in fresh.silence(NOW)
 
 
 def test_a_stamp_that_goes_back_is_refused_but_a_repeated_one_is_not(fresh):
@@ -42,10 +42,10 @@ def test_a_stamp_that_goes_back_is_refused_but_a_repeated_one_is_not(fresh):
 
 
 def test_silence_grows_with_the_clock_and_ends_with_a_message(fresh):
-    assert fresh.silence(NOW) == "no features received yet"
+    assert "features" in fresh.silence(NOW)
     fresh.refusal(NOW, NOW)
     assert fresh.silence(NOW + SECOND // 10) is None
-    assert fresh.silence(NOW + SECOND) == "no features for 1 s, allowed are 0.2 s"
+    assert all(each in fresh.silence(NOW + SECOND) for each in ("features", "1 s", "0.2 s"))
     assert fresh.refusal(NOW + SECOND, NOW + SECOND) is None
     assert fresh.silence(NOW + SECOND) is None
 
@@ -55,7 +55,7 @@ def test_a_clock_that_jumps_back_starts_anew(fresh):
     earlier = NOW - 100 * SECOND
     assert fresh.refusal(earlier, earlier) is None
     fresh.refusal(NOW, NOW)
-    assert fresh.silence(earlier) == "no features received yet"
+    assert "received yet" in fresh.silence(earlier)
 
 
 def test_a_clock_that_goes_back_by_less_than_the_tolerance_has_not_jumped(fresh):
@@ -88,5 +88,5 @@ def test_messages_that_come_too_seldom_are_refused_with_both_numbers():
     for stamp in stamps:
         steady.silence(stamp - SECOND // 100)
         answers.append(steady.refusal(stamp, stamp))
-    assert answers == [None, *["features come every 0.25 s, features_timeout is 0.2 s"] * 3]
+    assert answers[0] is None and all("0.25 s" in each and "features_timeout is 0.2 s" in each for each in answers[1:])
     assert steady.refusal(stamps[-1] + SECOND // 10, stamps[-1] + SECOND // 10) is None

@@ -16,8 +16,8 @@ from plsing_ros.parameters.pose_estimator import FilterParameters
 from plsing_ros.pose.filter_motion import Agreement, BankUpdate, MotionBank, SeenLines, quantile
 
 # A part is split while an image is further from linear than this where it tells least.
-_MAX_NONLINEARITY = 0.5
-_MAX_SPLITS, _MAX_PARTS = 3, 12
+MAX_NONLINEARITY = 0.5
+_MAX_SPLITS, MAX_PARTS = 3, 12
 # A normal distribution as a mixture of three: offset and size in standard deviations, and share.
 # Source: Tuggle, Zanetti, Automated splitting Gaussian mixture nonlinear measurement update (2018).
 _PARTS = (
@@ -94,6 +94,11 @@ class FilterTrack:
         return _core.FilterState.mixture([part.bank.state for part in self._parts], self._shares())
 
     @property
+    def part_count(self) -> int:
+        """Of how many normal distributions it is, at most MAX_PARTS."""
+        return len(self._parts)
+
+    @property
     def pose(self) -> Pose:
         """T_world_camera."""
         state = self.state
@@ -132,7 +137,7 @@ class FilterTrack:
 
     def _updates(self, seen: SeenLines, agreement: Agreement) -> list[tuple[float, BankUpdate]]:
         """Return what an image makes of all parts, with -2 log of each one's share."""
-        room = _MAX_PARTS - len(self._parts)
+        room = MAX_PARTS - len(self._parts)
         found: list[tuple[float, BankUpdate]] = []
         for part in self._parts:
             of_part = self._split(seen, agreement, part, max(0, min(_MAX_SPLITS, room // 2)))
@@ -150,7 +155,7 @@ class FilterTrack:
         if splits == 0 or agreement is not Agreement.AGREES or not self._is_wide(update.fit.before):
             return whole
         curvature = update.fit.curvature(seen)
-        if not curvature.nonlinearity > _MAX_NONLINEARITY or not np.isfinite(curvature.by_pose).all():
+        if not curvature.nonlinearity > MAX_NONLINEARITY or not np.isfinite(curvature.by_pose).all():
             return whole
         parts: list[tuple[float, BankUpdate]] = []
         for offset, std, share in _PARTS:
@@ -195,7 +200,7 @@ class FilterTrack:
                 (banks[i].state.merging_cost(banks[j].state, shares[i], shares[j]), i, j)
                 for i, j in combinations(range(len(banks)), 2)
             )
-            if lost > _MERGING_COST and len(banks) <= _MAX_PARTS:
+            if lost > _MERGING_COST and len(banks) <= MAX_PARTS:
                 break
             both = banks[i].merged(banks[j], shares[i], shares[j])
             self._parts = [part for k, part in enumerate(self._parts) if k not in (i, j)]

@@ -55,13 +55,13 @@ def inverse_at(pose):
 def servo(monitor, start, target, frames, with_pose=False):
     """Run the plain law and return the assessments; the twist of a frame comes after its assessment."""
     pose, found = start, []
-    desired = project_lines(SCENE.transformed(target.inverse(), "camera"))
+    target_image = project_lines(SCENE.transformed(target.inverse(), "camera"))
     for stamp in range(NOW, NOW + frames * STEP, STEP):
         lines = SCENE.transformed(pose.inverse(), "camera")
         if with_pose:
             monitor.receive_pose(pose, stamp)
         found.append(monitor.answer(LineObservation.of_lines(lines), stamp, stamp))
-        twist = -0.1 * np.linalg.lstsq(interaction_matrix(lines), project_lines(lines) - desired, rcond=None)[0]
+        twist = -0.1 * np.linalg.lstsq(interaction_matrix(lines), project_lines(lines) - target_image, rcond=None)[0]
         monitor.receive_twist(twist, stamp)
         pose = pose.integrate(twist, 0.04)
     return found
@@ -79,15 +79,13 @@ def test_the_healthy_goal_of_the_paper_is_not_alerted_once_it_is_known():
 
 def test_a_goal_without_lines_in_space_is_refused():
     image = seen(TARGET)
-    with pytest.raises(ObservationError, match="desired features: no 3-D lines"):
+    with pytest.raises(ObservationError, match="desired features: .*3-D lines"):
         monitor_for().set_target(LineObservation(image.ids, image.image_lines, image.usable, None))
 
 
 def test_a_goal_with_two_lines_is_refused():
     two = LineObservation.of_lines(seen(TARGET).lines_camera.select([0, 2]))
-    with pytest.raises(
-        ObservationError, match=r"desired features: only 2 usable line\(s\) \(\[1, 3\]\) of 2; at least 3"
-    ):
+    with pytest.raises(ObservationError, match=r"desired features: .*2 usable .*\[1, 3\].* of 2; .*3"):
         monitor_for().set_target(two)
 
 
@@ -102,10 +100,10 @@ def test_lost_lines_are_compared_with_the_goal_of_the_same_lines():
 def test_start_2_is_announced_before_the_speed_grows_and_before_any_threshold():
     found = servo(monitor_for(TARGET), START_2, TARGET, 190)
     first = next(i for i, each in enumerate(found) if each.level is Level.WARN)
-    assert "speed expected in" in found[first].reason and "times that at the start" in found[first].reason
+    assert found[first].kind == "speed_growth" and "speed" in found[first].reason
     assert found[first].nearest.distance > 0.02
     assert found[first].trend is Trend.APPROACHING and found[first].approach.name == "transversal 1"
-    assert found[first].unobservable_motion_text == "translation along transversal 1"
+    assert "translation" in (text := found[first].unobservable_motion_text) and "transversal 1" in text
     assert Level.CRITICAL in [each.level for each in found[first:]]
 
 
@@ -117,7 +115,7 @@ def test_start_2_is_announced_as_well_to_a_monitor_that_does_not_know_the_goal(w
     for monitor in (known, unknown):
         found = servo(monitor, START_2, TARGET, 220, with_pose)
         first.append(next(i for i, each in enumerate(found) if each.level is not Level.OK))
-        assert "speed expected in" in found[first[-1]].reason
+        assert found[first[-1]].kind == "speed_growth"
     assert first[1] == first[0]
 
 
@@ -138,7 +136,7 @@ def test_a_single_twist_from_the_future_is_no_start_of_all_motions_until_then():
     monitor.receive_twist([5.0, 0, 0, 0, 0, 0], NOW + 10**6 * STEP)
     found, expected = (servo(each, START_2, TARGET, 220) for each in (monitor, monitor_for(TARGET)))
     assert [each.level for each in found] == [each.level for each in expected]
-    assert any("speed expected in" in each.reason for each in found)
+    assert any("speed_growth" in each.kind for each in found)
 
 
 @pytest.mark.parametrize(
@@ -157,7 +155,7 @@ def test_no_level_is_better_than_the_lines_it_rests_on(verdict, expected):
         found = monitor.answer(doubtful, NOW + i * STEP, NOW + i * STEP)
     assert found.level is expected
     if expected is not Level.OK:
-        assert f"trust in the 3-D lines ({verdict.name}: the pose has two solutions)" in found.reason
+        assert verdict.name in found.reason and doubtful.verdict_reason in found.reason
     levels = [monitor.answer(seen(START), NOW + i * STEP, NOW + i * STEP).level for i in range(3, 40)]
     assert levels[-1] is Level.OK
     assert monitor.assess_pose(START).level is Level.OK
@@ -179,14 +177,14 @@ def test_without_a_goal_the_approach_itself_warns():
         levels.append(found.level)
         times.append(found.approach.time)
     assert levels[0] is Level.OK and levels[-1] is Level.WARN
-    assert "time to the closest approach to transversal 1" in found.reason and found.nearest.distance > 0.05
+    assert found.kind == "time" and "transversal 1" in found.reason and found.nearest.distance > 0.05
     np.testing.assert_allclose(np.diff(times), -0.04, atol=1e-3)
 
 
 def test_the_position_comes_from_the_pose_or_else_from_the_lines():
     monitor = monitor_for()
     alone = monitor.answer(seen(START), NOW, NOW)
-    assert alone.position_source == "features" and "no recent camera_pose" in alone.reason
+    assert alone.position_source == "features" and "camera_pose" in alone.reason
     monitor.receive_pose(START, NOW)
     posed = monitor.answer(seen(START), NOW, NOW)
     assert posed.position_source == "camera_pose"
@@ -198,7 +196,7 @@ def test_lines_of_another_scene_give_no_position():
     other = LineSet.from_points_directions(generator.normal(size=(4, 3)), generator.normal(size=(4, 3)))
     found = monitor_for().answer(seen(Pose(np.eye(3), np.array([0, 0, -5.0])), other), NOW, NOW)
     assert found.position_source == "" and found.locus_distances is None and found.trend is Trend.UNKNOWN
-    assert "no camera pose explains the 3-D lines" in found.reason
+    assert "3-D lines" in found.reason
 
 
 @settings(max_examples=20)
@@ -219,7 +217,7 @@ def test_a_reversed_line_is_named(with_pose):
     sign = np.array([[1.0], [1.0], [-1.0], [1.0]])
     turned = LineObservation.of_lines(LineSet(lines.direction * sign, lines.moment * sign, "camera", lines.ids))
     found = monitor.answer(turned, NOW, NOW)
-    assert found.level is Level.UNOBSERVABLE and "line 3 is reversed with respect to the scene" in found.reason
+    assert found.level is Level.UNOBSERVABLE and "line 3" in found.reason and "reversed" in found.reason
     assert monitor.answer(seen(START), NOW + STEP, NOW + STEP).level is not Level.UNOBSERVABLE
 
 
@@ -237,7 +235,7 @@ def test_switched_off_is_said_at_every_occasion():
     monitor = monitor_for()
     monitor.enabled = False
     for found in (monitor.answer(seen(START), NOW, NOW), monitor.silence(NOW), monitor.unusable("x", NOW)):
-        assert found.level is Level.DISABLED and found.reason == "switched off by ~/enable"
+        assert found.level is Level.DISABLED and "enable" in found.reason
     monitor.enabled = True
     assert monitor.answer(seen(START), NOW, NOW).level is not Level.DISABLED
 
@@ -248,7 +246,7 @@ def test_a_pose_asked_for_is_judged_and_changes_nothing():
     other = servo(second, START_2, TARGET, 50)
     asked = second.assess_pose(Pose(LOOK, ON_TRANSVERSAL + [0.0, 0.001, 0.0]))
     assert asked.level is Level.CRITICAL and asked.nearest.name == "transversal 1"
-    assert asked.unobservable_motion_text == "translation along transversal 1"
+    assert "translation" in (text := asked.unobservable_motion_text) and "transversal 1" in text
     assert [each.reason for each in other] == [each.reason for each in one[:50]]
     assert second.assess_pose(START).conditioning.inverse_condition_number == pytest.approx(inverse_at(START))
 

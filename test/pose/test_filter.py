@@ -19,6 +19,7 @@ from plsing_ros.features import LineObservation, interaction_matrix
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import FilterParameters
 from plsing_ros.pose import PoseFilter, Verdict, filter_track
+from plsing_ros.pose.filter_motion import Agreement
 from plsing_ros.pose.twist_history import TwistHistory
 from plsing_ros.singularities import singular_set
 
@@ -388,11 +389,17 @@ def test_twists_fill_a_time_without_gap_or_overlap(steps, start, length, latency
 
 
 def test_a_track_never_has_more_parts_than_allowed_however_far_from_linear_images_are(monkeypatch):
-    monkeypatch.setattr(filter_track, "_MAX_NONLINEARITY", 0.0)
+    monkeypatch.setattr(filter_track, "MAX_NONLINEARITY", 0.0)
     generator = np.random.default_rng(3)
     poses, twist = crossing(generator, 12)
     wide = FilterParameters(noise_image=NOISE, max_position_deviation=1e-9)
-    pose_filter = PoseFilter(LINES, wide, **off(poses[0], generator, 0.2, 0.1))
-    for estimate in follow(pose_filter, poses, twist, generator):
-        assert estimate.pose is not None
-        assert all(len(track._parts) <= filter_track._MAX_PARTS for track in pose_filter._tracks)
+    exact, covariances = np.zeros(len(LINES)), np.tile((NOISE**2, 0.0, NOISE**2), (len(LINES), 1))
+    map_lines = _core.FilterMap(LINES.direction, LINES.pivot, exact, exact)
+    track = filter_track.FilterTrack(LINES, map_lines, *off(poses[0], generator, 0.2, 0.1).values(), wide)
+    counts = []
+    for pose in poses:
+        image = image_of(LINES, pose, NOISE, generator).image_lines
+        assert track.update(list(range(len(LINES))), image, covariances).agreement is not Agreement.CONTRADICTS
+        counts.append(track.part_count)
+        track.predict(twist, twist, DT)
+    assert 1 < max(counts) <= filter_track.MAX_PARTS

@@ -89,7 +89,7 @@ def test_a_moving_robot_moves_on_past_impossible_requests_and_gets_its_zero_twis
         assert state.mode == ControllerState.MODE_SERVOING and np.any(twist_values(command) != 0.0)
     assert change(ros, "controller", "deactivate")
     ros.spin_until(lambda: np.all(twist_values(loop.twists[-1]) == 0.0), "the zero twist")
-    ros.spin_until(lambda: loop.states[-1].reason == "deactivated", "the reason")
+    ros.spin_until(lambda: "deactivated" in loop.states[-1].reason, "the reason")
     assert loop.states[-1].mode == ControllerState.MODE_HALTED
 
 
@@ -127,7 +127,7 @@ def test_an_inactive_monitor_says_so_and_falls_silent(ros, paper):
     loop = MonitorLoop(ros, paper)
     assert loop.status_at(start_pose(1)).level == SingularityStatus.LEVEL_OK
     assert change(ros, "singularity_monitor", "deactivate")
-    ros.spin_until(lambda: loop.statuses[-1].reason == "deactivated", "the last status")
+    ros.spin_until(lambda: "deactivated" in loop.statuses[-1].reason, "the last status")
     assert loop.statuses[-1].level == SingularityStatus.LEVEL_UNOBSERVABLE
     ros.spin_until(lambda: loop.alerts[-1].level == SingularityStatus.LEVEL_UNOBSERVABLE, "the alert of it")
     count = len(loop.statuses)
@@ -179,7 +179,7 @@ def test_a_failed_configuration_leaves_the_node_unconfigured_until_its_parameter
     assert not change(ros, "controller", "configure")
     assert state_of(ros, "controller") == "unconfigured"
     said = [line for line in capfd.readouterr().err.splitlines() if "configure failed" in line]
-    assert len(said) == 1 and "only 2 usable line(s)" in said[0] and "ERROR" in said[0]
+    assert len(said) == 1 and "2 usable" in said[0] and "ERROR" in said[0]
     mended = ros.call(
         SetParameters,
         "controller/set_parameters",
@@ -195,7 +195,7 @@ def double_array(*values):
 
 
 def test_under_autostart_a_failed_configuration_is_an_error_of_the_constructor(ros, paper):
-    with pytest.raises(StartError, match=r"only 2 usable line\(s\)"):
+    with pytest.raises(StartError, match="2 usable"):
         ros.add(ControllerNode, paper, {**THREE, **IN_A_LINE})
 
 
