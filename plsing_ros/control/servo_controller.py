@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,8 @@ from plsing_ros.control.gate_exit import leave
 from plsing_ros.control.latency import FeatureAge
 from plsing_ros.control.pose_laws import PoseErrors
 from plsing_ros.control.servo_cycle import ServoCycle, known_pose
-from plsing_ros.control.usable_lines import common_lines, stand_for, usable_covariances
+from plsing_ros.control.target_pose import target_pose, target_problems, target_seen_from, task_of
+from plsing_ros.control.usable_lines import common_lines, pose_errors, usable_covariances
 from plsing_ros.errors import ObservationError, PlsingError
 from plsing_ros.features import LineObservation, LinesVerdict, checked_observation
 from plsing_ros.features.consistency import ConsistencyCheck, left_out_text
@@ -29,9 +29,8 @@ from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_tracker import detour_options
 from plsing_ros.planning.planner import Answer, Planner, PlanNow
 from plsing_ros.planning.target_check import check_target
-from plsing_ros.pose import PoseEstimator, lift_lines
-from plsing_ros.pose.line_lifting import lift_lines_at
-from plsing_ros.pose.received_poses import ReceivedPose, ReceivedPoses
+from plsing_ros.pose.line_lifting import LineLifter
+from plsing_ros.pose.received_poses import ReceivedPoses
 from plsing_ros.singularities.scene_loci import SceneLoci
 from plsing_ros.stamp_filter import StampFilter, stamp_from_seconds
 
@@ -95,7 +94,7 @@ class ServoController:
         self._poses = ReceivedPoses()
         self._errors: PoseErrors | None = None
         self._age = FeatureAge()
-        self._estimator: PoseEstimator | None = None
+        self._lifter = LineLifter(None)
         self._stamp_filter = StampFilter(
             "features", parameters.features_timeout, parameters.future_tolerance, "features_timeout"
         )
@@ -117,11 +116,10 @@ class ServoController:
         """Return what puts changed parameters in force; a PlsingError if they are refused, with nothing changed."""
         before = self._parameters
         target, loci = self._target, self._loci
-        new_task = before is None or _task(parameters) != _task(before)
+        new_task = before is None or task_of(parameters) != task_of(before)
         if new_task:
             if parameters.target_source == "pose":
-                seen = parameters.lines().transformed(parameters.target_pose().inverse(), "camera at the target")
-                target = Target(LineObservation.of_lines(seen), "target pose")
+                target = target_seen_from(parameters)
             loci = SceneLoci(parameters.lines()) if parameters.lines_points else None
         check = self._check
         if loci is not self._loci or parameters.tolerances != check.tolerances:
@@ -135,7 +133,7 @@ class ServoController:
             self.gate.set_times(parameters.gate_timeout, parameters.future_tolerance)
             self._parameters, self._check = parameters, check
             if new_task:
-                self._estimator = None
+                self._lifter = LineLifter(None if loci is None else loci.lines)
             if target is not self._target or loci is not self._loci or replan:
                 self._target, self._loci = target, loci
                 self._restart()
@@ -189,7 +187,7 @@ class ServoController:
         if self._cycle is None:
             self._restart()
         else:
-            self._cycle.retarget(self._target, self._target_pose(self._target))
+            self._cycle.retarget(self._target, target_pose(self._target, self._loci, self.parameters))
         self._check_target()
 
     def compute_loci(self) -> None:
@@ -232,27 +230,9 @@ class ServoController:
             stamp = stamp_from_seconds(time)
             if pose is not None:
                 self.receive_pose(pose, stamp)
-            return self.answer(self._lifted(checked_observation(observation), pose), stamp, stamp)
+            return self.answer(self._lifter.lift(checked_observation(observation), pose), stamp, stamp)
         except PlsingError as error:
             return self.halt(str(error))
-
-    def _lifted(self, observation: LineObservation, pose: Pose | None) -> LineObservation:
-        if observation.lines_camera is not None or not observation.usable_ids:
-            return observation
-        if self._loci is None:
-            raise ObservationError("image lines without 3-D lines need the scene (argument lines), which is not given")
-        if pose is not None:
-            return lift_lines_at(self._loci.lines, pose, observation)
-        if self._estimator is None:
-            self._estimator = PoseEstimator(self._loci.lines)
-        estimate = self._estimator.estimate(observation)
-        verdict = LinesVerdict[estimate.verdict.name] if estimate.T_world_camera is not None else LinesVerdict.GIVEN
-        return replace(
-            lift_lines(self._loci.lines, estimate, observation),
-            verdict=verdict,
-            verdict_reason=estimate.reason,
-            lines_source=estimate.source,
-        )
 
     def answer(self, observation: LineObservation, stamp: int, now: int) -> Command:
         """Return the command for an observation with the stamp of its message.
@@ -287,7 +267,8 @@ class ServoController:
         lines, image = common_lines(observation, cycle.target)
         self._seen = lines
         trust = parameters.slow_scale if reaction == "slow" else 1.0
-        self._errors = self._pose_errors(observation, lines, told)
+        scene = self._loci.lines if self._loci is not None and parameters.law in _BY_POSE else None
+        self._errors = pose_errors(observation, lines, scene, told, self._poses.latest)
         command = cycle.command(lines, image, trust, stamp, usable_covariances(observation, lines.ids), self._errors)
         if closed is not None:
             self._pause()
@@ -332,23 +313,6 @@ class ServoController:
         """
         return self._stamp_filter.is_stray(stamp, now)
 
-    def _pose_errors(
-        self, observation: LineObservation, lines: LineSet, told: ReceivedPose | None
-    ) -> PoseErrors | None:
-        """Return how far the pose may be off that the 3-D lines were computed from, or None if that is not known."""
-        if observation.lines_source:
-            # Of the same estimator, whose covariance changes slowly.
-            latest = told or self._poses.latest
-            covariance = None if latest is None else latest.covariance_camera()
-            of_image = observation.lines_source == "image"
-            return None if covariance is None else PoseErrors(covariance, False, of_image)
-        if self.parameters.law not in _BY_POSE:
-            return None
-        covariance = None if told is None else told.covariance_camera()
-        if told is None or covariance is None or self._loci is None or not stand_for(lines, self._loci.lines, told):
-            return None
-        return PoseErrors(covariance, True)
-
     def _not_to_move(self, observation: LineObservation, reaction: str, stamp: int, now: int) -> Command | None:
         if not self._enabled:
             return Command(Mode.DISABLED, _DISABLED)
@@ -385,50 +349,14 @@ class ServoController:
         """Begin a run anew: integral, stall and path are those of the one before."""
         self._cycle = None
         if self._target is not None:
-            pose = self._target_pose(self._target)
+            pose = target_pose(self._target, self._loci, self.parameters)
             self._cycle = ServoCycle(self.parameters, self._target, self._loci, pose, self._planner)
-
-    def _target_pose(self, target: Target) -> Pose | None:
-        if self.parameters.target_source == "pose":
-            return self.parameters.target_pose()
-        if self._loci is None or target.lines is None:
-            return None
-        try:
-            return self._loci.camera_pose(target.lines)
-        except ObservationError:
-            # Reversed lines do not keep the laws that need no pose from going there.
-            return None
 
     def _check_target(self) -> None:
         """Find out whether the target is refused, or doubtful."""
-        self._refused = self.warning = ""
-        if self._target is None:
-            return
-        parameters = self.parameters
-        condition = self._target.view(self._target.ids, parameters.columns).inverse_condition_number
-        if condition is None:
-            return
-        if condition < parameters.min_target_condition:
-            pose = self._target_pose(self._target)
-            near = "" if self._loci is None or pose is None else self._loci.nearest_text(pose.translation)
-            self._refused = (
-                f"the target is at a singularity: its inverse condition number {condition:.3g} is below "
-                f"the smallest allowed for a target, {parameters.min_target_condition:g}{near}"
-            )
-        elif condition <= parameters.pinv_threshold:
-            self.warning = (
-                f"pinv_threshold {parameters.pinv_threshold:g} is above the target's own inverse condition number "
-                f"{condition:.3g}: a motion is given up before the target is reached, and the camera stops short of it"
-            )
-
-
-def _task(parameters: ControllerParameters) -> tuple[object, ...]:
-    """Return what a target and a scene are made from."""
-    return (
-        parameters.scene,
-        parameters.target_position,
-        parameters.target_orientation,
-    )
+        self._refused, self.warning = "", ""
+        if self._target is not None:
+            self._refused, self.warning = target_problems(self._target, self._loci, self.parameters)
 
 
 def _reaction(verdict: LinesVerdict, parameters: ControllerParameters) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from plsing_ros.arrays import Array
+from plsing_ros.control.pose_laws import PoseErrors
 from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.features.target import MINIMUM_LINES, Target
@@ -51,7 +52,34 @@ def usable_covariances(observation: LineObservation, ids: tuple[int, ...]) -> Ar
     return chosen
 
 
-def stand_for(lines: LineSet, scene: LineSet, told: ReceivedPose) -> bool:
+def pose_errors(
+    observation: LineObservation,
+    lines: LineSet,
+    scene: LineSet | None,
+    told: ReceivedPose | None,
+    latest: ReceivedPose | None,
+) -> PoseErrors | None:
+    """Return how far the pose may be off that 3-D lines were computed from, or None if that is not known.
+
+    Args:
+        observation: That they are of.
+        lines: In the camera frame.
+        scene: The lines in the world frame; None: lines that name no source are not asked about.
+        told: The pose received for this observation, or None.
+        latest: The pose received last, or None.
+    """
+    if observation.lines_source:
+        # Of the same estimator, whose covariance changes slowly.
+        known = told or latest
+        covariance = None if known is None else known.covariance_camera()
+        return None if covariance is None else PoseErrors(covariance, False, observation.lines_source == "image")
+    covariance = None if told is None else told.covariance_camera()
+    if told is None or covariance is None or scene is None or not _stand_for(lines, scene, told):
+        return None
+    return PoseErrors(covariance, True)
+
+
+def _stand_for(lines: LineSet, scene: LineSet, told: ReceivedPose) -> bool:
     """Return whether 3-D lines are those of the scene as seen from a pose, and so as uncertain as it is."""
     try:
         there = matched(scene, lines).transformed(told.T_world_camera.inverse(), lines.frame)

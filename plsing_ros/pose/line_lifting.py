@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Image lines completed with their 3-D lines, from an estimated pose."""
+"""Image lines completed with their 3-D lines, from a pose that is known or that they show themselves."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from plsing_ros.errors import ObservationError
-from plsing_ros.features import LineObservation, degenerate_projections
+from plsing_ros.features import LineObservation, LinesVerdict, degenerate_projections
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.pose.estimate import PoseEstimate
+from plsing_ros.pose.estimator import PoseEstimator
 
 
 def lift_lines_at(lines_world: LineSet, T_world_camera: Pose, observation: LineObservation) -> LineObservation:
@@ -66,3 +70,44 @@ def lift_lines(lines_world: LineSet, estimate: PoseEstimate, observation: LineOb
         covariances=covariances,
         ends=observation.ends,
     )
+
+
+class LineLifter:
+    """Completes observations of one scene.
+
+    Args:
+        lines_world: The scene, or None if it is not known.
+    """
+
+    def __init__(self, lines_world: LineSet | None) -> None:
+        self._lines = lines_world
+
+    @cached_property
+    def _estimator(self) -> PoseEstimator:
+        assert self._lines is not None
+        return PoseEstimator(self._lines)
+
+    def lift(self, observation: LineObservation, T_world_camera: Pose | None) -> LineObservation:
+        """Return an observation with 3-D lines in the camera frame: as it is if it has some.
+
+        Args:
+            observation: What the camera sees.
+            T_world_camera: Where it is; None: the pose that the lines show, whose verdict the observation gets.
+
+        Raises:
+            ObservationError: If the scene is not known, or the lines show no pose.
+        """
+        if observation.lines_camera is not None or not observation.usable_ids:
+            return observation
+        if self._lines is None:
+            raise ObservationError("image lines without 3-D lines need the scene (argument lines), which is not given")
+        if T_world_camera is not None:
+            return lift_lines_at(self._lines, T_world_camera, observation)
+        estimate = self._estimator.estimate(observation)
+        verdict = LinesVerdict[estimate.verdict.name] if estimate.T_world_camera is not None else LinesVerdict.GIVEN
+        return replace(
+            lift_lines(self._lines, estimate, observation),
+            verdict=verdict,
+            verdict_reason=estimate.reason,
+            lines_source=estimate.source,
+        )
