@@ -120,7 +120,7 @@ def run(
         if len(rows) == 0:
             break
         image, L = seen(u[rows], m[rows], batch.weight[rows])
-        desired, desired_L = target_image[rows], target_L[rows]
+        target, L_at_target = target_image[rows], target_L[rows]
         feedforward, away = np.zeros((2, len(rows), 6))
         if paths is not None or law.inverse == "guarded":
             known = tuple(each[rows] for each in (*map_lines, batch.weight))
@@ -128,12 +128,12 @@ def run(
             if scales is not None:
                 here = _placed(*known, u[rows], m[rows] / scales.factors(rows, here[0], u[rows], m[rows]))
         if paths is not None:
-            desired, desired_L, feedforward, R_asked, t_asked = paths.reference(rows, *here, image)
+            target, L_at_target, feedforward, R_asked, t_asked = paths.reference(rows, *here, image)
             away = _displacement(R_asked, t_asked, *here)
-        error = ((image - desired) * batch.weight[rows, :, np.newaxis]).reshape(len(rows), -1)
-        inverted = desired_L if law.interaction == "target" else L
+        error = ((image - target) * batch.weight[rows, :, np.newaxis]).reshape(len(rows), -1)
+        inverted = L_at_target if law.interaction == "target" else L
         if law.interaction == "mean":
-            inverted = 0.5 * (L + _turned(desired_L, desired, image))
+            inverted = 0.5 * (L + _turned(L_at_target, target, image))
         parts = np.linalg.svd(inverted.reshape(len(rows), -1, 6), full_matrices=False)
         twist = feedforward + feedback(law, parts, error, reference[rows], away)
         if law.inverse == "guarded":

@@ -38,7 +38,7 @@ class Ways:
         self._cycle[rows] = seconds
 
     def reference(self, rows: np.ndarray, R: np.ndarray, t: np.ndarray, image: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return desired image lines, L, feed-forward, R and t; where a plan is refused, those of standing still.
+        """Return target image lines, L, feed-forward, R and t; where a plan is refused, those of standing still.
 
         Args:
             rows: Of the batch.

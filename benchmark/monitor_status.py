@@ -54,11 +54,11 @@ def _monitor(lines: LineSet, target_known: bool) -> SingularityMonitor:
 
 def _run(lines: LineSet) -> list[tuple[Pose, LineObservation, np.ndarray]]:
     """Return pose, what the camera sees and the plain law's twist, frame by frame on the path from START."""
-    desired = project_lines(lines.transformed(TARGET.inverse(), "camera"))
+    target_image = project_lines(lines.transformed(TARGET.inverse(), "camera"))
     pose, frames = START, []
     for _ in range(_FRAMES):
         seen = lines.transformed(pose.inverse(), "camera")
-        twist = -0.1 * np.linalg.lstsq(interaction_matrix(seen), project_lines(seen) - desired, rcond=None)[0]
+        twist = -0.1 * np.linalg.lstsq(interaction_matrix(seen), project_lines(seen) - target_image, rcond=None)[0]
         frames.append((pose, LineObservation.of_lines(seen), twist))
         pose = pose.integrate(twist, _STEP / 1e9)
     return frames

@@ -100,11 +100,11 @@ def run_all(tasks: list[Task], progress: Callable[[], object] = lambda: None) ->
     k = len(tasks)
     direction, moment, weight = np.zeros((k, _MAX_LINES, 3)), np.zeros((k, _MAX_LINES, 3)), np.zeros((k, _MAX_LINES))
     direction[:, :, 0], moment[:, :, 1] = 1.0, 1.0
-    desired = np.zeros((k, _MAX_LINES, 3))
+    target_image = np.zeros((k, _MAX_LINES, 3))
     for i, task in enumerate(tasks):
         n = len(task.lines)
         direction[i, :n], moment[i, :n], weight[i, :n] = task.lines.direction, task.lines.moment, 1.0
-        desired[i, :n] = project_lines(task.lines.transformed(task.target.inverse(), "camera")).reshape(-1, 3)
+        target_image[i, :n] = project_lines(task.lines.transformed(task.target.inverse(), "camera")).reshape(-1, 3)
     R = np.array([task.start.rotation for task in tasks])
     t = np.array([task.start.translation for task in tasks])
     rotation, position = np.zeros((STEPS, k, 3, 3)), np.zeros((STEPS, k, 3))
@@ -112,7 +112,7 @@ def run_all(tasks: list[Task], progress: Callable[[], object] = lambda: None) ->
     alive, blew_up, first = np.ones(k, dtype=bool), np.zeros(k, dtype=bool), np.zeros(k)
     for step in range(STEPS):
         rows = np.flatnonzero(alive)
-        twist = _law(R[rows], t[rows], direction[rows], moment[rows], weight[rows], desired[rows])
+        twist = _law(R[rows], t[rows], direction[rows], moment[rows], weight[rows], target_image[rows])
         rotation[step, rows], position[step, rows], twists[step, rows] = R[rows], t[rows], twist
         speed = np.linalg.norm(twist[:, :3], axis=1)
         if step == 0:
@@ -126,10 +126,15 @@ def run_all(tasks: list[Task], progress: Callable[[], object] = lambda: None) ->
 
 
 def _law(
-    R: np.ndarray, t: np.ndarray, direction: np.ndarray, moment: np.ndarray, weight: np.ndarray, desired: np.ndarray
+    R: np.ndarray,
+    t: np.ndarray,
+    direction: np.ndarray,
+    moment: np.ndarray,
+    weight: np.ndarray,
+    target_image: np.ndarray,
 ) -> np.ndarray:
     image, matrix = seen(*in_camera(direction, moment, R, t), weight)
-    error = (image - desired) * weight[..., np.newaxis]
+    error = (image - target_image) * weight[..., np.newaxis]
     k = len(R)
     twist: np.ndarray = -GAIN * np.einsum(
         "kij,kj->ki", np.linalg.pinv(matrix.reshape(k, -1, 6), rcond=1e-12), error.reshape(k, -1)

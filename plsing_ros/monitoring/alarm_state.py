@@ -21,13 +21,13 @@ class AlarmState:
 
     def __init__(self, debounce: Debounce) -> None:
         self.debounce = debounce
-        self._latches: dict[str, Hysteresis] = {}
+        self._of_indicator: dict[str, Hysteresis] = {}
         self._alerting: dict[str, Indicator] = {}
         self._calm_for: list[str] = []
 
     def forget(self) -> None:
         """Begin anew: the next numbers count at once."""
-        self._latches.clear()
+        self._of_indicator.clear()
         self._alerting.clear()
         self._calm_for = []
 
@@ -45,24 +45,24 @@ class AlarmState:
     def levels(self, indicators: Sequence[Indicator], suppressed: int = 0) -> list[Level]:
         """Return the level of each indicator, after one more cycle; the first few do not count at present."""
         # Local names, and no call where nothing happens: this is done for every number in every cycle.
-        latches, levels = self._latches, []
+        known, levels = self._of_indicator, []
         for i, (name, value, thresholds, *_) in enumerate(indicators):
-            latch = latches.get(name)
-            if latch is None:
-                latch = latches[name] = Hysteresis(None if indicators[i].counts_at_once else OK)
+            hysteresis = known.get(name)
+            if hysteresis is None:
+                hysteresis = known[name] = Hysteresis(None if indicators[i].counts_at_once else OK)
             if i < suppressed:
                 value = math.inf
-            if latch.calm and value >= thresholds.alarm:
+            if hysteresis.calm and value >= thresholds.alarm:
                 levels.append(OK)
                 continue
-            level = latch.update(value, thresholds, self.debounce)
+            level = hysteresis.update(value, thresholds, self.debounce)
             if level is not OK:
                 self._alerting[name] = indicators[i]
             else:
                 self._alerting.pop(name, None)
             levels.append(level)
         names = [each.name for each in indicators]
-        self._calm_for = names if all(latches[name].calm for name in names) else []
+        self._calm_for = names if all(known[name].calm for name in names) else []
         return levels
 
 

@@ -116,51 +116,51 @@ class ClosedLoopRollout:
         # Of the roll-out before this one, until this one has got as far.
         self._before = _NOTHING
 
-    def rest(self, sight: Snapshot) -> None:
+    def rest(self, snapshot: Snapshot) -> None:
         """Note what the camera sees while no law moves it."""
         self._end()
-        self._note_noise(sight)
-        self._previous = sight
+        self._note_noise(snapshot)
+        self._previous = snapshot
 
     def advance(
-        self, sight: Snapshot, target_image: Array, twist: Array, twist_stamp: int, horizon: float
+        self, snapshot: Snapshot, target_image: Array, twist: Array, twist_stamp: int, horizon: float
     ) -> Expected | None:
         """Go on with the roll-out and return the fastest motion ahead, or None if it is not known.
 
         Args:
-            sight: What the camera sees now; its rows are the same lines at every call since the last `clear`.
+            snapshot: What the camera sees now; its rows are the same lines at every call since the last `clear`.
             target_image: The image lines at the target in the same order, shape (n, 3).
             twist: The latest commanded twist, shape (6,).
             twist_stamp: Of the features it was commanded for [ns].
             horizon: How far to look ahead [s].
         """
-        self._note_noise(sight)
-        previous, self._previous = self._previous, sight
-        if previous is None or sight.stamp <= previous.stamp:
-            return self._ahead(sight.stamp) if self._samples else None
-        commanded_for = previous if twist_stamp - previous.stamp < sight.stamp - twist_stamp else sight
+        self._note_noise(snapshot)
+        previous, self._previous = self._previous, snapshot
+        if previous is None or snapshot.stamp <= previous.stamp:
+            return self._ahead(snapshot.stamp) if self._samples else None
+        commanded_for = previous if twist_stamp - previous.stamp < snapshot.stamp - twist_stamp else snapshot
         law = self._law_as_seen(commanded_for, target_image, twist) if twist_stamp == commanded_for.stamp else None
-        if not self._as_foreseen(sight, twist, commanded_for.stamp, law):
+        if not self._as_foreseen(snapshot, twist, commanded_for.stamp, law):
             if law is None:
                 law = _law_at(commanded_for.lines, target_image)
-            self._begin(sight, target_image, twist, law, sight.stamp - previous.stamp)
+            self._begin(snapshot, target_image, twist, law, snapshot.stamp - previous.stamp)
         if not self._samples:
             return None
-        end = sight.stamp + round(horizon * _SECOND)
+        end = snapshot.stamp + round(horizon * _SECOND)
         for _ in range(_STEPS):
             if self._samples[-1].stamp >= end or self._samples[-1].speed >= _FASTEST:
                 break
             self._go_on(target_image)
-        return self._ahead(sight.stamp)
+        return self._ahead(snapshot.stamp)
 
-    def _law_as_seen(self, sight: Snapshot, target_image: Array, twist: Array) -> Array | None:
+    def _law_as_seen(self, snapshot: Snapshot, target_image: Array, twist: Array) -> Array | None:
         """Return the law's twist for gain 1 at the lines with the noise that is seen, if the controller acts on that.
 
         It may as well filter the features, or know the lines from elsewhere: the directions of its twists tell.
         """
-        if sight.error is None or not self._noise:
+        if snapshot.error is None or not self._noise:
             return None
-        as_is, as_seen = _law_at(sight.lines, target_image), _law_at(sight.lines + sight.error, target_image)
+        as_is, as_seen = _law_at(snapshot.lines, target_image), _law_at(snapshot.lines + snapshot.error, target_image)
         if as_is is None or as_seen is None:
             return None
         self._apart = _FORGET * self._apart + _squared_sine(twist, as_is)
@@ -171,10 +171,10 @@ class ClosedLoopRollout:
     def _acts_on_noise(self) -> bool:
         return self._apart_as_seen < self._apart
 
-    def _as_foreseen(self, sight: Snapshot, twist: Array, twist_stamp: int, law: Array | None) -> bool:
+    def _as_foreseen(self, snapshot: Snapshot, twist: Array, twist_stamp: int, law: Array | None) -> bool:
         """Drop what is past, and return whether the roll-out was right about the present."""
         samples, commanded = self._samples, True
-        while samples and samples[0].stamp < sight.stamp - self._step // 2:
+        while samples and samples[0].stamp < snapshot.stamp - self._step // 2:
             sample = samples.popleft()
             if abs(sample.stamp - twist_stamp) <= self._step // 2:
                 commanded = self._is_commanded(sample.twist if law is None else self._gain * law, twist)
@@ -184,8 +184,8 @@ class ClosedLoopRollout:
             return False
         if not samples:
             return False
-        deviation = _core.image_deviation(samples[0].lines[1], sight.image)
-        return deviation <= MAX_DEVIATION * len(sight.image)
+        deviation = _core.image_deviation(samples[0].lines[1], snapshot.image)
+        return deviation <= MAX_DEVIATION * len(snapshot.image)
 
     def _is_commanded(self, foreseen: Array, twist: Array) -> bool:
         numbers = foreseen.tolist()
@@ -193,10 +193,10 @@ class ClosedLoopRollout:
         self._square = _FORGET * self._square + sum(map(mul, numbers, numbers))
         return _SLOPE[0] * self._square <= self._product <= _SLOPE[1] * self._square
 
-    def _begin(self, sight: Snapshot, target_image: Array, twist: Array, law: Array | None, period: int) -> None:
+    def _begin(self, snapshot: Snapshot, target_image: Array, twist: Array, law: Array | None, period: int) -> None:
         # Noise can hide the law in one twist; then what the latest ones said still holds.
         gain = 0.0 if law is None else _projection(law, twist) or self._gain
-        now = _law_step(sight.lines, _AT_REST, 0.0, target_image, gain) if gain else None
+        now = _law_step(snapshot.lines, _AT_REST, 0.0, target_image, gain) if gain else None
         if now is None:
             self._end()
             return
@@ -206,7 +206,7 @@ class ClosedLoopRollout:
         self._step = min(max(period, _SHORTEST_STEP), _LONGEST_STEP)
         self._samples.clear()
         self._fastest.clear()
-        self._append(_Sample(sight.stamp, *now, _speed(now[1].tolist())))
+        self._append(_Sample(snapshot.stamp, *now, _speed(now[1].tolist())))
 
     def _go_on(self, target_image: Array) -> None:
         last = self._samples[-1]
@@ -225,14 +225,14 @@ class ClosedLoopRollout:
         by_noise = _WITH_NOISE * self._speed_by_noise(lines, twist, target_image) if self._acts_on_noise else 0.0
         self._append(_Sample(stamp, lines, twist, min(speed + by_noise, _FASTEST), by_noise > speed))
 
-    def _note_noise(self, sight: Snapshot) -> None:
+    def _note_noise(self, snapshot: Snapshot) -> None:
         """Remember the noise of what is seen; between two frames, what is wrong with the pose falls out."""
         previous = self._previous
-        if previous is None or previous.error is None or sight.error is None or sight.stamp <= previous.stamp:
+        if previous is None or previous.error is None or snapshot.error is None or snapshot.stamp <= previous.stamp:
             return
-        noise, size = _core.subtract(sight.error.ravel(), previous.error.ravel())
+        noise, size = _core.subtract(snapshot.error.ravel(), previous.error.ravel())
         if _SQRT_HALF * size > _MIN_NOISE:
-            self._noise.append(_SQRT_HALF * noise.reshape(sight.error.shape))
+            self._noise.append(_SQRT_HALF * noise.reshape(snapshot.error.shape))
 
     def _speed_by_noise(self, lines: Array, twist: Array, target_image: Array) -> float:
         """Return by how much the speed changes if the law sees the lines with the noise of the latest frames [m/s]."""

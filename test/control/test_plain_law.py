@@ -38,11 +38,11 @@ def rounding_of_twist(values, threshold, speed):
 def test_it_is_the_law_with_all_its_options_when_none_is_in_use(lines, numbers, gain, threshold):
     chosen = parameters(gain=gain, pinv_threshold=threshold)
     assert chosen.is_plain
-    image, desired = np.resize(numbers, (2, 3 * len(lines)))
-    error, norm = feature_error(image, desired)
-    expected = compute_twist(chosen, interaction_matrix(lines), image, error, None, TargetView(desired, None, None))
+    image, target = np.resize(numbers, (2, 3 * len(lines)))
+    error, norm = feature_error(image, target)
+    expected = compute_twist(chosen, interaction_matrix(lines), image, error, None, TargetView(target, None, None))
     allowed = rounding_of_twist(expected.values, threshold, gain * norm)
-    found, error_norm = compute_plain_twist(chosen, lines, image, desired)
+    found, error_norm = compute_plain_twist(chosen, lines, image, target)
     np.testing.assert_allclose(found.twist, expected.twist, rtol=0.0, atol=allowed)
     np.testing.assert_allclose(found.values, expected.values, rtol=0.0, atol=1e-14 * expected.values[0])
     assert (found.gain, found.damping, found.health) == (expected.gain, expected.damping, expected.health)
@@ -52,13 +52,13 @@ def test_it_is_the_law_with_all_its_options_when_none_is_in_use(lines, numbers, 
 
 @any_task
 def test_it_is_least_squares_by_another_library(lines, numbers, gain, threshold):
-    image, desired = np.resize(numbers, (2, 3 * len(lines)))
+    image, target = np.resize(numbers, (2, 3 * len(lines)))
     L = interaction_matrix(lines)
-    allowed = rounding_of_twist(np.linalg.svd(L, compute_uv=False), threshold, gain * np.linalg.norm(image - desired))
-    expected = -gain * np.linalg.lstsq(L, image - desired, rcond=threshold)[0]
-    found, error_norm = compute_plain_twist(parameters(gain=gain, pinv_threshold=threshold), lines, image, desired)
+    allowed = rounding_of_twist(np.linalg.svd(L, compute_uv=False), threshold, gain * np.linalg.norm(image - target))
+    expected = -gain * np.linalg.lstsq(L, image - target, rcond=threshold)[0]
+    found, error_norm = compute_plain_twist(parameters(gain=gain, pinv_threshold=threshold), lines, image, target)
     np.testing.assert_allclose(found.twist, expected, rtol=0.0, atol=allowed)
-    assert error_norm == pytest.approx(np.linalg.norm(image - desired), rel=1e-14)
+    assert error_norm == pytest.approx(np.linalg.norm(image - target), rel=1e-14)
 
 
 @pytest.mark.parametrize(

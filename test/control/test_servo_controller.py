@@ -296,8 +296,8 @@ def test_the_plain_law_is_that_of_numpy(number):
     servo = servo_for(*SCENE)
     # The very numbers that the controller has: parameters round the lines.
     lines, target = servo.parameters.lines(), servo.parameters.target_pose()
-    seen, desired = (lines.transformed(each.inverse(), "camera") for each in (start_pose(number), target))
-    error = project_lines(seen) - project_lines(desired)
+    seen, target_lines = (lines.transformed(each.inverse(), "camera") for each in (start_pose(number), target))
+    error = project_lines(seen) - project_lines(target_lines)
     expected = -0.1 * (np.linalg.pinv(interaction_matrix(seen), rcond=1e-12) @ error)
     twist = servo.answer(LineObservation.of_lines(seen), NOW, NOW).twist
     np.testing.assert_allclose(twist, expected, rtol=1e-9, atol=1e-13)
@@ -325,15 +325,15 @@ def test_a_threshold_that_stops_the_task_short_is_warned_of():
 
 
 def test_a_target_that_no_pose_reaches_is_a_stall():
-    """Five lines, and desired images that no camera sees: the error comes to rest above zero."""
+    """Five lines, and target images that no camera sees: the error comes to rest above zero."""
     points = [[-1.0, 0, 0], [1.0, 0, 0.5], [0, -1.0, -0.5], [0, 1.0, 0], [0.5, 0.5, 1.0]]
     directions = [[0.2, 1, 0.1], [-0.1, 1, 0.3], [1, 0.2, 0.2], [1, -0.3, 0], [0.3, 0.2, 1]]
     lines = LineSet.from_points_directions(points, directions)
     pose = Pose(np.eye(3), np.array([0.3, 0.2, -4.0]))
     servo = servo_for(lines, pose, gain=5.0, target_source="topic", max_linear_speed=0.0, max_angular_speed=0.0)
-    desired = observation(lines, pose)
-    bent = desired.image_lines + 0.1 * np.array([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 0, -1], [0, 0, 1]])
-    servo.set_target(LineObservation(desired.ids, bent, desired.usable, None))
+    at_target = observation(lines, pose)
+    bent = at_target.image_lines + 0.1 * np.array([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 0, -1], [0, 0, 1]])
+    servo.set_target(LineObservation(at_target.ids, bent, at_target.usable, None))
     modes = []
     for k in range(100):
         now = NOW + k * 4 * 10**7
@@ -343,7 +343,7 @@ def test_a_target_that_no_pose_reaches_is_a_stall():
     assert modes[0] is Mode.SERVOING and modes[-1] is Mode.STALLED
     assert command.error_norm > 0.1
     assert "a local minimum, or a target that no camera pose reaches" in command.reason
-    servo.set_target(desired)
+    servo.set_target(at_target)
     assert servo.answer(observation(lines, pose), now, now).mode is Mode.SERVOING  # a stall can be left
 
 
@@ -375,8 +375,8 @@ def test_degrees_of_freedom_that_are_not_used_stay_at_rest_and_the_rest_does_its
     used = [0, 1, 3, 5]
     servo = servo_for(lines, target, degrees_of_freedom=(1, 1, 0, 1, 0, 1))
     command = servo.answer(observation(lines, start_pose(1)), NOW, NOW)
-    seen, desired = (lines.transformed(each.inverse(), "camera") for each in (start_pose(1), target))
-    error = project_lines(seen) - project_lines(desired)
+    seen, target_lines = (lines.transformed(each.inverse(), "camera") for each in (start_pose(1), target))
+    error = project_lines(seen) - project_lines(target_lines)
     best = np.linalg.lstsq(interaction_matrix(seen)[:, used], error, rcond=None)[0]
     np.testing.assert_allclose(command.twist[used], -0.1 * best, rtol=1e-6, atol=1e-9)
     assert command.twist[2] == command.twist[4] == 0.0

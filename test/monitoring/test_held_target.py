@@ -87,10 +87,10 @@ def test_a_corridor_is_healthy_for_who_asks_for_no_motion_along_it():
 
 
 def plain(gain, factor=1.0):
-    desired = LineObservation.of_lines(SCENE.transformed(TARGET.inverse(), "camera")).image_lines.ravel()
+    target_image = LineObservation.of_lines(SCENE.transformed(TARGET.inverse(), "camera")).image_lines.ravel()
 
     def twist(seen):
-        error = seen.image_lines.ravel() - desired
+        error = seen.image_lines.ravel() - target_image
         return -factor * gain * np.linalg.lstsq(interaction_matrix(seen.lines_camera), error, rcond=1e-12)[0]
 
     return twist

@@ -65,11 +65,11 @@ class Rig:
 
     def servo(self, frames, pose=START_2):
         """Follow the plain law, and return the latest assessment."""
-        desired = project_lines(self.scene.transformed(TARGET.inverse(), "camera"))
+        target_image = project_lines(self.scene.transformed(TARGET.inverse(), "camera"))
         for _ in range(frames):
             found = self.see(pose)
             lines = self.scene.transformed(pose.inverse(), "camera")
-            error = project_lines(lines) - desired
+            error = project_lines(lines) - target_image
             twist = -0.1 * np.linalg.lstsq(interaction_matrix(lines), error, rcond=None)[0]
             self.twist(twist)
             pose = pose.integrate(twist, 0.04)
