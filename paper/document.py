@@ -12,7 +12,7 @@ import numpy as np
 from paper.appendix import appendix_sections
 from paper.paper_checks import PaperCheck
 from paper.pose_checks import check_poses, pose_table
-from paper.pose_quadrifolium import PoseErrors
+from paper.pose_quadrifolium import QuadrifoliumErrors
 from paper.sensitivity import ARRIVED, CHOICES, IMAGE_NOISE
 from paper.tables import markdown_table, yes
 from paper.tasks import QUADRIFOLIA, STARTS_FIVE, STARTS_FOUR, TRAJECTORIES
@@ -60,7 +60,7 @@ class PaperResults:
     law_records: Mapping[str, Mapping[str, Sequence[RunRecord]]]
     paper_checks: Mapping[str, Sequence[PaperCheck]]
     checks_by_choice: Mapping[str, Mapping[str, Sequence[PaperCheck]]]
-    pose_errors: Sequence[PoseErrors]
+    pose_errors: Sequence[QuadrifoliumErrors]
     figures: Mapping[str, Sequence[Path]]
     law_figures: Mapping[str, Sequence[Path]] = field(default_factory=dict)
 

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from paper.paper_checks import PaperCheck
-from paper.pose_quadrifolium import PoseErrors
+from paper.pose_quadrifolium import QuadrifoliumErrors
 from paper.tables import markdown_table
 from plsing_ros.arrays import Array
 
@@ -18,7 +18,7 @@ from plsing_ros.arrays import Array
 _VERY_NEAR = 0.02
 
 
-def check_poses(results: Sequence[PoseErrors]) -> tuple[PaperCheck, ...]:
+def check_poses(results: Sequence[QuadrifoliumErrors]) -> tuple[PaperCheck, ...]:
     """Return the checks for the results of all of pose_quadrifolium.EXPERIMENTS, in that order."""
     generic, point, line, line_of_five, generic_of_five = results
     near = np.linalg.norm(point.true_center - point.experiment.center, axis=1) < _VERY_NEAR
@@ -63,7 +63,7 @@ def check_poses(results: Sequence[PoseErrors]) -> tuple[PaperCheck, ...]:
     )
 
 
-def _blow_up(statement: str, results: PoseErrors) -> PaperCheck:
+def _blow_up(statement: str, results: QuadrifoliumErrors) -> PaperCheck:
     ratios = []
     for errors in (results.first_translation, results.refined_translation):
         found = errors[np.isfinite(errors)]
@@ -81,7 +81,7 @@ def _largest(errors: Array) -> float:
     return float(errors.max())
 
 
-def pose_table(results: Sequence[PoseErrors]) -> str:
+def pose_table(results: Sequence[QuadrifoliumErrors]) -> str:
     """Return medians and largest errors in Markdown."""
     errors_of = (
         "first: median [m]",
@@ -107,7 +107,7 @@ def pose_table(results: Sequence[PoseErrors]) -> str:
     )
 
 
-def draw_pose_errors(results: Sequence[PoseErrors]) -> Any:
+def draw_pose_errors(results: Sequence[QuadrifoliumErrors]) -> Any:
     """Draw the translation errors of the first seed over s; return the matplotlib figure."""
     figure = plt.figure(figsize=(10, 5), layout="constrained")
     panels = figure.subplots(2, 3, sharex=True, sharey=True)

@@ -72,7 +72,7 @@ EXPERIMENTS = (
 
 
 @dataclass(frozen=True, eq=False)
-class PoseErrors:
+class QuadrifoliumErrors:
     """Errors along one trajectory, for each of k seeds and m samples.
 
     Attributes:
@@ -113,7 +113,7 @@ def run(
     seeds: tuple[int, ...] = SEEDS,
     samples: int = SAMPLES,
     progress: Callable[[], object] = lambda: None,
-) -> PoseErrors:
+) -> QuadrifoliumErrors:
     """Estimate the pose at each sample, from exact images and a scene known with noise, drawn anew each time.
 
     Args:
@@ -143,7 +143,7 @@ def run(
                 errors[:2, k, i] = pose_error(pose, estimate.first_estimate)
                 errors[2:, k, i] = pose_error(pose, estimate.T_world_camera)
             progress()
-    return PoseErrors(
+    return QuadrifoliumErrors(
         experiment=experiment,
         parameter=np.asarray(np.linspace(0.0, 2.0 * np.pi, samples)),
         true_center=np.array([pose.translation for pose in poses]),
@@ -163,7 +163,7 @@ def pose_error(true: Pose, estimated: Pose) -> tuple[float, float]:
     return shift, float(Rotation.from_matrix(true.rotation.T @ estimated.rotation).magnitude())
 
 
-def save_figure(results: PoseErrors, file: Path) -> None:
+def save_figure(results: QuadrifoliumErrors, file: Path) -> None:
     """Draw the trajectories (top) and the errors (bottom) of the first seed, as in fig. pose_estimation."""
     import matplotlib as mpl
 

@@ -11,7 +11,7 @@ from functools import partial
 from typing import TypeVar
 
 from paper import pose_quadrifolium
-from paper.pose_quadrifolium import PoseErrors
+from paper.pose_quadrifolium import QuadrifoliumErrors
 from paper.sensitivity import CHOICES, shortened
 from plsing_ros.planning.camera_path import SpeedLimits
 from plsing_ros.planning.detour import DetourOptions
@@ -71,7 +71,7 @@ def _with_law(task: ServoTask, law: str) -> ServoTask:
     )
 
 
-def run_pose_experiments(jobs: int = 1, on_run: Callable[[], object] = lambda: None) -> list[PoseErrors]:
+def run_pose_experiments(jobs: int = 1, on_run: Callable[[], object] = lambda: None) -> list[QuadrifoliumErrors]:
     """Run all experiments on pose estimation, with one seed each, in so many processes; on_run as in run_variants."""
     results = []
     for errors in _mapped(partial(pose_quadrifolium.run, seeds=(1,)), pose_quadrifolium.EXPERIMENTS, jobs):

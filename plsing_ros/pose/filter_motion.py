@@ -33,7 +33,7 @@ _ARM, _BEND = 0.5, 0.02  # [m], [rad/m]
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _RobotKind:
     """What a robot may make of the twists it is given.
 
     Attributes:
@@ -51,13 +51,13 @@ class _Motion:
     evenly: bool = False
 
 
-_MOTIONS = (
-    _Motion(noise=1.0, drift=0.02, share=0.5, rate=0.02),
-    _Motion(noise=1.0, drift=2.0, share=0.1, rate=0.0001),
-    _Motion(noise=4.0, drift=6.0, share=0.1, rate=0.0001),
+_ROBOT_KINDS = (
+    _RobotKind(noise=1.0, drift=0.02, share=0.5, rate=0.02),
+    _RobotKind(noise=1.0, drift=2.0, share=0.1, rate=0.0001),
+    _RobotKind(noise=4.0, drift=6.0, share=0.1, rate=0.0001),
     # As uncertain as the mean of twists, at 25 Hz, each of which is wrong by 10 times noise.twist.
-    _Motion(noise=1.0, drift=3.0, share=0.1, rate=0.001, evenly=True),
-    _Motion(noise=10.0, drift=0.02, share=0.2, rate=0.001),
+    _RobotKind(noise=1.0, drift=3.0, share=0.1, rate=0.001, evenly=True),
+    _RobotKind(noise=10.0, drift=0.02, share=0.2, rate=0.001),
 )
 
 
@@ -140,11 +140,11 @@ class MotionBank:
         unit = settings.noise_twist**2 * np.eye(6)
         states = [
             _core.FilterState(
-                T_world_camera.rotation, T_world_camera.translation, covariance, motion.drift**2 * unit, map_lines
+                T_world_camera.rotation, T_world_camera.translation, covariance, kind.drift**2 * unit, map_lines
             )
-            for motion in _MOTIONS
+            for kind in _ROBOT_KINDS
         ]
-        return MotionBank(states, [motion.share for motion in _MOTIONS], settings)
+        return MotionBank(states, [kind.share for kind in _ROBOT_KINDS], settings)
 
     def predict(self, twist: Array | None, mean: Array | None, duration: float) -> None:
         """Move on for a duration [s].
@@ -167,24 +167,24 @@ class MotionBank:
         (speed, turn), (mean_speed, mean_turn) = _speeds(twist), _speeds(mean)
         self._speed, self._turn_speed = max(self._speed, speed), max(self._turn_speed, turn)
         share, by_drift, memory = settings.noise_twist, _drift_twist(twist), math.exp(-duration / _DRIFT_TIME)
-        for motion, state in zip(_MOTIONS, self._states, strict=True):
-            if motion.evenly:
-                noise = _spread(motion.noise * share * mean_speed + rest, motion.noise * share * mean_turn + rest_turn)
+        for kind, state in zip(_ROBOT_KINDS, self._states, strict=True):
+            if kind.evenly:
+                noise = _spread(kind.noise * share * mean_speed + rest, kind.noise * share * mean_turn + rest_turn)
                 forgotten = math.exp(-duration / MEAN_TIME)
                 by_mean = np.diag(_spread(mean_speed, mean_turn))
-                state.predict(mean, noise, by_mean, motion.drift * share, duration, forgotten)
+                state.predict(mean, noise, by_mean, kind.drift * share, duration, forgotten)
                 continue
-            shift, angle = motion.noise * share * speed, motion.noise * share * turn
+            shift, angle = kind.noise * share * speed, kind.noise * share * turn
             beyond, beyond_turn = shift - share * speed, angle - share * turn
             noise = _spread(shift + rest + _ARM * beyond_turn, angle + rest_turn + _BEND * beyond)
-            state.predict(twist, noise, by_drift, motion.drift * share, duration, memory)
+            state.predict(twist, noise, by_drift, kind.drift * share, duration, memory)
         self._state = None
 
     def _mix(self) -> None:
         """Let the robot become one of another kind, in the time between two images."""
         share = self._settings.noise_twist
-        arrivals = [-math.expm1(-motion.rate * self._interval) for motion in _MOTIONS]
-        drift_std = [motion.drift * share for motion in _MOTIONS]
+        arrivals = [-math.expm1(-kind.rate * self._interval) for kind in _ROBOT_KINDS]
+        drift_std = [kind.drift * share for kind in _ROBOT_KINDS]
         self._states, self._weights = _core.FilterState.interact(
             self._states, self._weights, arrivals, drift_std, _NEGLIGIBLE
         )
@@ -193,7 +193,7 @@ class MotionBank:
         """Return this after an image, as far as it agrees so well; None if it does not."""
         k = len(seen.rows)
         few, many = max(0, (k - 1) // 3), k - max(2, (k + 1) // 2)
-        fits: list[MotionFit | None] = [None] * len(_MOTIONS)
+        fits: list[MotionFit | None] = [None] * len(_ROBOT_KINDS)
         if agreement is Agreement.AGREES:
             fits = [self._fit(state, seen, few) for state in self._states]
         elif agreement is Agreement.MOVED:

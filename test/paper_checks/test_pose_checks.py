@@ -4,7 +4,7 @@
 import numpy as np
 
 from paper.pose_checks import check_poses, pose_table
-from paper.pose_quadrifolium import EXPERIMENTS, PoseErrors
+from paper.pose_quadrifolium import EXPERIMENTS, QuadrifoliumErrors
 
 SAMPLES = 41
 
@@ -19,8 +19,8 @@ def errors(number, first, refined, peak=1.0, rotation=1e-4):
     fields.update(first_translation=first * factor, refined_translation=refined * factor)
     fields.update(first_rotation=rotation * factor, refined_rotation=rotation * factor)
     s = np.linspace(0.0, 2.0 * np.pi, SAMPLES)
-    others = {"verdict": np.zeros((1, SAMPLES), dtype=int)} if "verdict" in PoseErrors.__dataclass_fields__ else {}
-    return PoseErrors(experiment=experiment, parameter=s, true_center=centers, **fields, **others)
+    fields["verdict"] = np.zeros((1, SAMPLES), dtype=int)
+    return QuadrifoliumErrors(experiment=experiment, parameter=s, true_center=centers, **fields)
 
 
 AS_PRINTED = (
