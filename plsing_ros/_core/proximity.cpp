@@ -9,8 +9,7 @@
 #include <limits>
 #include <vector>
 
-#include "core.hpp"
-#include "least_squares.hpp"
+#include "singularity.hpp"
 
 namespace plsing {
 namespace {
@@ -42,41 +41,34 @@ Eigen::Matrix2d whitening(const Vector3d &u, const Vector3d &f, const Eigen::Vec
 struct Line {
     Vector3d u, arm, normal;
     double square, shift, turn;  // Of the normal; standard deviations of pivot and direction.
+    BasisRows<double> rows;
 };
 
-// The row-normalised rank basis, two rows for each line, and what they were divided by.
-struct Basis {
-    Tall rows;
-    Eigen::VectorXd size;
-};
-
-// The variance of a singular value of the basis, whose vectors are `left` and `motion`, by the errors of the lines; in
-// `slope`, if there is one, how each row's product with `motion` changes with the centre.
-double variance_of(const std::vector<Line> &lines, const Basis &basis, const Vector6d &motion,
-                   const Eigen::Ref<const Eigen::VectorXd> &left, Eigen::MatrixX3d *slope)
+// The variance of a singular value of the rank basis, whose vectors are `left` and `motion`, by the errors of the lines;
+// in `slope`, if there is one, how each row's product with `motion` changes with the centre.
+[[gnu::flatten]] double variance_of(const std::vector<Line> &lines, const Vector6d &motion,
+                                    const Eigen::Ref<const Eigen::VectorXd> &left, Eigen::MatrixX3d *slope)
 {
+    const Vector3d turning = motion.tail<3>();
     double variance = 0.0;
-    for (std::size_t i = 0; i < lines.size(); i++) {
-        const auto &[u, arm, f, square, shift, turn] = lines[i];
+    Index row = -2;
+    for (const auto &[u, arm, f, square, shift, turn, rows] : lines) {
+        row += 2;
         if (square == 0.0)
             continue;
-        // How the singular value changes with the pivot (times u x) and with the direction of this line.
-        Vector3d moved = Vector3d::Zero(), turned = Vector3d::Zero();
-        for (Index row : {2 * i, 2 * i + 1}) {
-            const bool first = row % 2 == 0;
-            const Vector6d unit = basis.rows.row(row);
-            const Vector6d weight = (motion - unit.dot(motion) * unit) / basis.size(row);
-            const Vector3d spin = weight.tail<3>();
-            const Vector3d by_normal = first ? Vector3d(weight.head<3>() + 2.0 * spin.dot(u) * f) : spin.cross(u);
-            const Vector3d by_direction = first ? Vector3d(square * spin) : f.cross(spin);
-            if (slope != nullptr)
-                slope->row(row) = u.cross(by_normal);
-            moved += left(row) * by_normal;
-            turned += left(row) * by_direction;
+        // How the singular value changes with the pivot (times u x) and with the direction of this line, by each row.
+        const Vector6d weight = (motion - rows.first.dot(motion) * rows.first.transpose()) / rows.first_size;
+        const Vector3d spin = weight.tail<3>();
+        const Vector3d second = (turning - rows.second.dot(turning) * rows.second.transpose()) / rows.second_size;
+        const Vector3d by_normal = weight.head<3>() + 2.0 * spin.dot(u) * f, by_second_normal = second.cross(u);
+        if (slope != nullptr) {
+            slope->row(row) = u.cross(by_normal);
+            slope->row(row + 1) = u.cross(by_second_normal);
         }
         if (shift == 0.0 && turn == 0.0)
             continue;
-        turned += arm.cross(moved);
+        const Vector3d moved = left(row) * by_normal + left(row + 1) * by_second_normal;
+        const Vector3d turned = left(row) * square * spin + left(row + 1) * f.cross(second) + arm.cross(moved);
         variance += shift * shift * moved.cross(u).squaredNorm();
         variance += turn * turn * (turned - turned.dot(u) * u).squaredNorm();
     }
@@ -92,42 +84,39 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
     const bool weighted = covariance.rows() > 0;
     require(!weighted || covariance.rows() == n, "there must be a covariance of each line, or none");
     std::vector<Line> lines(n);
-    Basis basis{Tall::Zero(rows, 6), Eigen::VectorXd::Ones(rows)};
-    Tall image = Tall::Zero(rows, 6);
+    Tall basis = Tall::Zero(rows, 6), image = basis;
     // What a line's errors add to the variance of a singular value is at most this times the squares of the left vector.
     Eigen::VectorXd max_variance = Eigen::VectorXd::Zero(rows);
     for (Index i = 0; i < n; i++) {
         const Vector3d u = direction.row(i), r = (pivot.row(i).transpose() - center) / length, f = u.cross(r);
-        const Vector3d m = u.cross(f);
-        const double square = f.squaredNorm(), distance = std::sqrt(square);
-        lines[i] = {u, r, f, square, position_std(i) / length, direction_std(i)};
+        const double square = f.squaredNorm(), shift = position_std(i) / length, turn = direction_std(i);
+        lines[i] = {u, r, f, square, shift, turn, {}};
         // The rows of a line that the centre is on are zero.
-        if (distance == 0.0)
+        if (square == 0.0)
             continue;
-        const double size = distance * std::sqrt(1.0 + square), reach = r.norm();
+        const BasisRows<double> &own = lines[i].rows = {u, f};
+        const double size = own.first_size, distance = own.second_size, reach = r.norm();
         const double first = (1.0 + 2.0 * distance) / size, second = 1.0 / distance;
-        basis.size.segment<2>(2 * i) << size, distance;
         max_variance.segment<2>(2 * i).setConstant(
-            std::pow(lines[i].shift, 2) * (first * first + second * second) +
-            std::pow(lines[i].turn, 2) * (std::pow(square / size + reach * first, 2) + std::pow(1.0 + reach * second, 2)));
-        basis.rows.row(2 * i) << f.transpose() / size, u.transpose() * (square / size);
-        basis.rows.row(2 * i + 1).tail<3>() = m / distance;
-        image.row(2 * i) << f.transpose() / square, u.transpose();
-        image.row(2 * i + 1).tail<3>() = m / distance;
+            shift * shift * (first * first + second * second) +
+            turn * turn * (std::pow(square / size + reach * first, 2) + std::pow(1.0 + reach * second, 2)));
+        basis.row(2 * i) = own.first;
+        image.row(2 * i) = own.first * (size / square);
+        basis.row(2 * i + 1).tail<3>() = image.row(2 * i + 1).tail<3>() = own.second;
         if (weighted) {
             const Eigen::Matrix2d white =
                 whitening(rotation.transpose() * u, rotation.transpose() * f, covariance.row(i));
             image.middleRows<2>(2 * i) = (white * image.middleRows<2>(2 * i)).eval();
         }
     }
-    const Svd decomposed(basis.rows), seen(image, false);
+    const Svd decomposed(basis), seen(image, false);
     if (!decomposed.is_finite() || !seen.is_finite())
         return py::none();
     const double smallest = decomposed.values()(5), largest = decomposed.values()(0);
     const double infinite = std::numeric_limits<double>::infinity();
     Eigen::MatrixX3d slope = Eigen::MatrixX3d::Zero(rows, 3);
     const double variance_of_smallest =
-        variance_of(lines, basis, decomposed.right().col(5), decomposed.left(5, 1), &slope);
+        variance_of(lines, decomposed.right().col(5), decomposed.left(5, 1), &slope);
     double z = smallest <= rounding * largest ? 0.0 : infinite;
     if (variance_of_smallest > 0.0)
         z = std::min(z, smallest / std::sqrt(variance_of_smallest));
@@ -138,7 +127,7 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
             const double square = std::pow(decomposed.values()(k), 2);
             if (!(square < z * z * max_variance.dot(left.col(k).cwiseAbs2())))
                 continue;
-            const double variance = variance_of(lines, basis, decomposed.right().col(k), left.col(k), nullptr);
+            const double variance = variance_of(lines, decomposed.right().col(k), left.col(k), nullptr);
             if (variance > 0.0)
                 z = std::min(z, std::sqrt(square / variance));
         }

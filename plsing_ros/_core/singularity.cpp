@@ -2,7 +2,6 @@
 // The frame of a scene, and how singular camera centres are.
 #include "singularity.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -13,69 +12,36 @@
 namespace plsing {
 namespace {
 
-// The cross product, of which Eigen gives the conjugate for complex vectors.
+// As singularity_at, for real or complex centres alone.
 template <typename Scalar>
-Eigen::Matrix<Scalar, 3, 1> cross(const Eigen::Matrix<Scalar, 3, 1> &a, const Eigen::Matrix<Scalar, 3, 1> &b)
+Singularity singularity_about(const Rows3Ref &direction, const Rows3Ref &point,
+                              const Eigen::Matrix<Scalar, 3, 1> &center, double on_line)
 {
-    return a.cross(b).conjugate();
-}
-
-// Fill the row-normalised rank basis xi (2n, 6) about a centre, and return the distance of the nearest line.
-//
-// First the n rows [f_i, |f_i|^2 u_i], then the n rows [0, m_i], lengths in the root mean square distance from the centre
-// to the lines. For a complex centre |f|^2 is f . f, without conjugation, so that xi stays polynomial in the centre. The
-// rows of a line that the centre is on, nearer than `on_line`, are zero. NaN where products of lengths overflow.
-template <typename Scalar>
-double fill_rank_basis(const Rows3Ref &direction, const Rows3Ref &point, const Eigen::Matrix<Scalar, 3, 1> &center,
-                       double on_line, Eigen::Matrix<Scalar, Dynamic, 6> &xi)
-{
-    using Vector = Eigen::Matrix<Scalar, 3, 1>;
     const Index n = direction.rows();
+    const auto u = direction.transpose().template cast<Scalar>().eval();
     Eigen::Matrix<Scalar, 3, Dynamic, Eigen::ColMajor> f(3, n);
-    for (Index i = 0; i < n; i++) {
-        const Vector u = direction.row(i).transpose().template cast<Scalar>();
-        f.col(i) = cross<Scalar>(u, point.row(i).transpose().template cast<Scalar>() - center);
-    }
+    for (Index i = 0; i < n; i++)
+        f.col(i) = cross<Scalar>(u.col(i), point.row(i).transpose().template cast<Scalar>() - center);
     const double unit = std::sqrt(f.squaredNorm() / static_cast<double>(n));
     if (!std::isfinite(unit))
-        return std::numeric_limits<double>::quiet_NaN();
+        return {1.0, std::numeric_limits<double>::infinity()};
     // In units of length before anything of fourth order is formed, which could over- or underflow.
     f /= unit > 0.0 ? unit : 1.0;
-    xi = Eigen::Matrix<Scalar, Dynamic, 6>::Zero(2 * n, 6);
+    using Basis = Eigen::Matrix<Scalar, Dynamic, 6>;
+    Basis xi = Basis::Zero(2 * n, 6);
     for (Index i = 0; i < n; i++) {
-        const Vector u = direction.row(i).transpose().template cast<Scalar>();
-        const double length = f.col(i).norm();
-        if (!(length > on_line))
+        if (!(f.col(i).norm() > on_line))
             continue;
-        const Scalar dot = f.col(i).cwiseProduct(f.col(i)).sum();
-        // |u x f| = |f|, since f is across u.
-        const double upper = std::hypot(length, std::abs(dot));
-        xi.row(i) << f.col(i).transpose() / upper, u.transpose() * (dot / upper);
-        xi.row(n + i).template tail<3>() = cross<Scalar>(u, f.col(i)).transpose() / length;
+        const BasisRows<Scalar> rows(u.col(i), f.col(i));
+        xi.row(2 * i) = rows.first;
+        xi.row(2 * i + 1).template tail<3>() = rows.second;
     }
-    return std::sqrt(f.colwise().squaredNorm().minCoeff());
-}
-
-// The smallest over the largest singular value of xi, as exact as rounding of xi allows.
-template <typename Scalar>
-double singular_value_ratio(const Eigen::Matrix<Scalar, Dynamic, 6> &xi)
-{
-    const Eigen::ColPivHouseholderQR<Eigen::Matrix<Scalar, Dynamic, 6>> qr(xi);
+    // As exact as rounding of xi allows.
+    const Eigen::ColPivHouseholderQR<Basis> qr(xi);
     const Eigen::Matrix<Scalar, 6, 6> triangle =
         qr.matrixQR().template topRows<6>().template triangularView<Eigen::Upper>();
-    const JacobiSvd<6, Scalar> svd(triangle.adjoint(), false);
-    return svd.values(0) > 0.0 ? svd.values(5) / svd.values(0) : 0.0;
-}
-
-template <typename Scalar>
-Singularity ratio_and_distance(const Rows3Ref &direction, const Rows3Ref &point,
-                               const Eigen::Matrix<Scalar, 3, 1> &center, double on_line)
-{
-    Eigen::Matrix<Scalar, Dynamic, 6> xi;
-    const double distance = fill_rank_basis<Scalar>(direction, point, center, on_line, xi);
-    if (std::isnan(distance))
-        return {1.0, std::numeric_limits<double>::infinity()};
-    return {singular_value_ratio<Scalar>(xi), distance};
+    const auto values = JacobiSvd<6, Scalar>(triangle.adjoint(), false).values;
+    return {values(0) > 0.0 ? values(5) / values(0) : 0.0, std::sqrt(f.colwise().squaredNorm().minCoeff())};
 }
 
 // Singular values up to this share of the largest leave the centre free: parallel lines, along them.
@@ -129,18 +95,6 @@ py::object scene_coordinates(const Stack<Dynamic, 3> &direction, const Stack<Dyn
     return py::make_tuple(array_of(centers), array_of(lengths), relative);
 }
 
-}  // namespace
-
-Singularity singularity_at(const Rows3Ref &direction, const Rows3Ref &point, const Eigen::Vector3cd &center,
-                           double on_line)
-{
-    if ((center.imag().array() == 0.0).all())
-        return ratio_and_distance<double>(direction, point, center.real(), on_line);
-    return ratio_and_distance<Complex>(direction, point, center, on_line);
-}
-
-namespace {
-
 py::tuple singularity_ratios(const Stack<Dynamic, 3> &direction, const Stack<Dynamic, 3> &point,
                              const View<Dynamic, 3, Complex> &centers, double on_line)
 {
@@ -159,6 +113,14 @@ py::tuple singularity_ratios(const Stack<Dynamic, 3> &direction, const Stack<Dyn
 }
 
 }  // namespace
+
+Singularity singularity_at(const Rows3Ref &direction, const Rows3Ref &point, const Eigen::Vector3cd &center,
+                           double on_line)
+{
+    if ((center.imag().array() == 0.0).all())
+        return singularity_about<double>(direction, point, center.real(), on_line);
+    return singularity_about<Complex>(direction, point, center, on_line);
+}
 
 void bind_singularity(py::module_ &module)
 {
