@@ -872,3 +872,27 @@ def compute_rollout_twist(
 
     With no rows: for what a camera, a Pose, sees without noise.
     """
+
+# serialized.cpp
+
+def read_serialized(layout: str, data: bytes) -> tuple[Any, ...]:
+    """Return the values of a message in little-endian CDR: numbers, strings, a tuple for integers, else arrays.
+
+    Args:
+        layout: Its values in order, as plsing_ros/nodes/serialized.py makes it: B, i, I, d, F<n>, s, D, L, U.
+        data: The message with the four bytes in front that say its form.
+
+    Raises:
+        ValueError: If it is in another form, or ends too early.
+    """
+
+def write_serialized(layout: str, values: tuple[Any, ...]) -> bytes:
+    """Return a message in little-endian CDR.
+
+    Args:
+        layout: Its values in order: B, i, I, d, F<n>, s, D, S.
+        values: One for each, a tuple or an array for F<n> and D.
+
+    Raises:
+        ValueError: If their number, or that of the doubles in one, is another.
+    """

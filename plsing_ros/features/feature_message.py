@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,22 @@ _MAX_CHARACTERS = 300
 _VERDICTS = {int(each): each for each in LinesVerdict}
 
 
+class LineFeatures(NamedTuple):
+    """The fields of a plsing_msgs/LineFeatureArray in their order, without its stamp."""
+
+    frame_id: str
+    ids: Any
+    image_lines: Any
+    covariances: Any
+    ends: Any
+    directions: Any
+    moments: Any
+    visible: Any
+    lines_source: str
+    lines_verdict: int
+    lines_reason: str
+
+
 def observation_from_message(message: Any, frame: str) -> LineObservation:
     """Return the observation that a plsing_msgs/LineFeatureArray in the given frame carries.
 
@@ -26,51 +42,63 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
     Raises:
         ObservationError: If the frame is another one, lengths do not fit, a value is not finite, or ids repeat.
     """
-    if message.header.frame_id != frame:
+    fields = LineFeatures(
+        message.header.frame_id,
+        message.ids,
+        message.image_lines,
+        # Recordings made before lines had covariances and ends are read, too.
+        getattr(message, "covariances", ()),
+        getattr(message, "ends", ()),
+        message.directions,
+        message.moments,
+        message.visible,
+        getattr(message, "lines_source", ""),
+        message.lines_verdict,
+        message.lines_reason,
+    )
+    return observation_from_fields(fields, frame)
+
+
+def observation_from_fields(fields: LineFeatures, frame: str) -> LineObservation:
+    """Return the observation that line features in the given frame carry; as observation_from_message."""
+    given_frame, ids, image_lines, covariances, ends, directions, moments, visible, source, number, reason = fields
+    if given_frame != frame:
         raise ObservationError(
-            f"line features are in frame '{sender_text(message.header.frame_id)}', "
-            f"expected '{frame}' (parameter camera_frame)"
+            f"line features are in frame '{sender_text(given_frame)}', expected '{frame}' (parameter camera_frame)"
         )
-    n = len(message.ids)
+    n = len(ids)
     if n == 0:
         raise ObservationError("the feature message has no lines")
-    # Recordings made before lines had covariances and ends are read, too.
-    covariances, ends = getattr(message, "covariances", ()), getattr(message, "ends", ())
-    for name, values, width in (("covariances", covariances, 3), ("ends", ends, 4)):
-        if len(values) not in (0, width * n):
+    for name, values, allowed in (
+        ("covariances", covariances, (0, 3 * n)),
+        ("ends", ends, (0, 4 * n)),
+        ("image_lines", image_lines, (3 * n,)),
+        ("directions", directions, (0, 3 * n)),
+        ("moments", moments, (len(directions),)),
+        ("visible", visible, (0, n)),
+    ):
+        if len(values) not in allowed:
             raise ObservationError(
                 f"field '{name}' of the feature message has {len(values)} numbers for {n} lines; "
-                f"expected 0 or {width * n}"
-            )
-    for name, allowed in (
-        ("image_lines", (3 * n,)),
-        ("directions", (0, 3 * n)),
-        ("moments", (len(message.directions),)),
-        ("visible", (0, n)),
-    ):
-        if len(getattr(message, name)) not in allowed:
-            raise ObservationError(
-                f"field '{name}' of the feature message has {len(getattr(message, name))} numbers for {n} lines; "
                 f"expected {' or '.join(map(str, allowed))}"
             )
-    verdict = _VERDICTS.get(message.lines_verdict)
+    verdict = _VERDICTS.get(number)
     if verdict is None:
         raise ObservationError(
-            f"field 'lines_verdict' of the feature message is {message.lines_verdict}; allowed: 0 to "
-            f"{max(LinesVerdict)}"
+            f"field 'lines_verdict' of the feature message is {number}; allowed: 0 to {max(LinesVerdict)}"
         )
     given = verdict is LinesVerdict.GIVEN
     return LineObservation.from_rows(
-        tuple(message.ids),
-        np.frombuffer(message.image_lines).reshape(-1, 3),
-        _rows(message.directions),
-        _rows(message.moments),
-        np.array(message.visible, dtype=bool) if len(message.visible) else np.ones(n, dtype=bool),
+        tuple(ids),
+        np.frombuffer(image_lines).reshape(-1, 3),
+        _rows(directions),
+        _rows(moments),
+        np.array(visible, dtype=bool) if len(visible) else np.ones(n, dtype=bool),
         frame,
         _rows(covariances),
         verdict,
-        "" if given else sender_text(message.lines_reason),
-        "" if given else getattr(message, "lines_source", ""),
+        "" if given else sender_text(reason),
+        "" if given else source,
         _rows(ends, 4),
     )
 

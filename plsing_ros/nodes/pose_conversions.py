@@ -63,6 +63,24 @@ def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str, top
     return _pose(topic, message.header.frame_id, message.pose.pose, frame)
 
 
+def camera_pose_from_fields(
+    given_frame: str, values: Array, frame: str, topic: str = "camera_pose"
+) -> tuple[Pose, Array | None]:
+    """Return T_world_camera and its covariance, as camera_pose_from_message and covariance_from_message.
+
+    Args:
+        given_frame: Of the message.
+        values: Its doubles: position, quaternion (x, y, z, w) and covariance, shape (43,).
+        frame: That of the scene.
+        topic: That it came on.
+
+    Raises:
+        GeometryError: As for camera_pose_from_message.
+    """
+    _refuse_other_frame(topic, given_frame, frame)
+    return Pose.from_quaternion(values[:3], values[3:7]), covariance_or_none(values[7:].reshape(6, 6))
+
+
 def covariance_from_message(message: PoseWithCovarianceStamped) -> Array | None:
     """Return the covariance of the camera's pose in the axes of the header's frame, (position, rotation), shape (6, 6).
 
@@ -106,7 +124,11 @@ def pose_estimate_message(estimate: PoseEstimate, head: Header) -> PoseEstimateM
 
 
 def _pose(what: str, given_frame: str, pose: PoseMessage, frame: str) -> Pose:
-    if given_frame != frame:
-        raise GeometryError(f"{what} is in frame '{given_frame}', expected '{frame}' (parameter scene_frame)")
+    _refuse_other_frame(what, given_frame, frame)
     position, q = pose.position, pose.orientation
     return Pose.from_quaternion([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])
+
+
+def _refuse_other_frame(what: str, given_frame: str, frame: str) -> None:
+    if given_frame != frame:
+        raise GeometryError(f"{what} is in frame '{given_frame}', expected '{frame}' (parameter scene_frame)")
