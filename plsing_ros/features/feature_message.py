@@ -9,6 +9,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
+from plsing_ros.features.good_rows import observation_of_good_rows
 from plsing_ros.features.observation import LineObservation, LinesVerdict
 
 _MAX_CHARACTERS = 300
@@ -88,19 +89,15 @@ def observation_from_fields(fields: LineFeatures, frame: str) -> LineObservation
             f"field 'lines_verdict' of the feature message is {number}; allowed: 0 to {max(LinesVerdict)}"
         )
     given = verdict is LinesVerdict.GIVEN
-    return LineObservation.from_rows(
-        tuple(ids),
-        np.frombuffer(image_lines).reshape(-1, 3),
-        _rows(directions),
-        _rows(moments),
-        np.array(visible, dtype=bool) if len(visible) else np.ones(n, dtype=bool),
-        frame,
-        _rows(covariances),
-        verdict,
-        "" if given else sender_text(reason),
-        "" if given else source,
-        _rows(ends, 4),
-    )
+    image, direction, moment = np.frombuffer(image_lines).reshape(-1, 3), _rows(directions), _rows(moments)
+    usable = np.array(visible, dtype=bool) if len(visible) else np.ones(n, dtype=bool)
+    said = verdict, "" if given else sender_text(reason), "" if given else source
+    own_ids, known, segments = tuple(ids), _rows(covariances), _rows(ends, 4)
+    if direction is not None and moment is not None:
+        good = observation_of_good_rows(own_ids, image, direction, moment, usable, frame, known, *said, segments)
+        if good is not None:
+            return good
+    return LineObservation.from_rows(own_ids, image, direction, moment, usable, frame, known, *said, segments)
 
 
 def sender_text(text: str) -> str:

@@ -9,9 +9,11 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Transform
 from std_msgs.msg import Header
 
 from plsing_msgs.msg import PoseEstimate as PoseEstimateMessage
+from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import Pose
+from plsing_ros.geometry.pose import FARTHEST, LENGTH_TOLERANCE
 from plsing_ros.nodes.conversions import flat, locus_distance_message, twist_message
 from plsing_ros.pose import PoseEstimate
 from plsing_ros.pose.received_poses import covariance_or_none
@@ -78,7 +80,12 @@ def camera_pose_from_fields(
         GeometryError: As for camera_pose_from_message.
     """
     _refuse_other_frame(topic, given_frame, frame)
-    return Pose.from_quaternion(values[:3], values[3:7]), covariance_or_none(values[7:].reshape(6, 6))
+    found = _core.checked_pose(values, LENGTH_TOLERANCE, FARTHEST)
+    if found is None:
+        # Which says what is wrong.
+        return Pose.from_quaternion(values[:3], values[3:7]), None
+    rotation, translation, covariance = found
+    return Pose.unchecked(rotation, translation), covariance
 
 
 def covariance_from_message(message: PoseWithCovarianceStamped) -> Array | None:
