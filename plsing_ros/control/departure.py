@@ -44,6 +44,8 @@ class Departure:
         # Of the latest frames with the same lines: how many, the mean of J and r, and its variance over a frame's.
         self._frames, self._variance = 0, 0.0
         self._mean: Array = np.zeros((0, 7))
+        # Where the camera is by the image, seen from where the pose puts it; J and r are taken there.
+        self._delta: Array = np.zeros(6)
         # How far from the target the camera was when it began, and whether it was seen to be farther [m].
         self._began: float | None = None
         self._led_away = self._paused = False
@@ -54,7 +56,7 @@ class Departure:
 
     def change_lines(self) -> None:
         """Begin another mean: the next frames have other lines."""
-        self._frames, self._variance = 0, 0.0
+        self._frames, self._variance, self._delta = 0, 0.0, np.zeros(6)
 
     def update(self, seen: ImageMismatch, own: Array, lasting: Array, pose: Array, told: Array) -> float:
         """Learn from a frame, and return by how much more than its covariance allows the pose is off.
@@ -70,36 +72,42 @@ class Departure:
 
         Source: new, docs/pose_laws.md.
         """
-        self._frames += 1
-        share = max(_MEMORY, 1.0 / self._frames)
-        frame = np.column_stack([seen.J, seen.r])
-        self._mean = frame if self._frames == 1 else self._mean + share * (frame - self._mean)
-        self._variance = (1.0 - share) ** 2 * self._variance + share**2
-        spare = len(frame) - _OF_A_POSE
+        spare = len(seen.r) - _OF_A_POSE
         if spare <= 0:
             return 0.0
-        covariances = self._variance * own + lasting
-        rows, known = whitened(self._mean, covariances), np.linalg.inv(pose)
-        J, r = rows[:, :6], rows[:, 6]
-        delta: Array = np.zeros(6)
-        normal, left, limit = J.T @ J, math.inf, float(chdtri(spare, _SURE))
-        for _ in range(_STEPS):
+        self._frames += 1
+        share = max(_MEMORY, 1.0 / self._frames)
+        self._variance = (1.0 - share) ** 2 * self._variance + share**2
+        covariances, known = self._variance * own + lasting, np.linalg.inv(pose)
+        left, limit, before = math.inf, float(chdtri(spare, _SURE)), self._mean
+        for _ in range(_STEPS if self._frames == 1 else 1):
+            frame = self._taken_there(seen)
+            mean = frame if self._frames == 1 else before + share * (frame - before)
+            rows = whitened(mean, covariances)
+            if not math.isfinite(float(np.square(rows).sum())):
+                # What cannot be computed with is for the law to say.
+                self.change_lines()
+                return 0.0
+            J, r = rows[:, :6], rows[:, 6]
             rest = float(np.square(r - J @ np.linalg.lstsq(J, r, _LEAST)[0]).sum())
             if rest > (1.0 - _WORTH) * left:
                 break
-            left, right = rest, J.T @ r
+            left, normal, right, self._mean = rest, J.T @ J, J.T @ r, mean
             self.scale = min(1.0, left / limit + _LEAST)
-            delta = np.asarray(np.linalg.solve(normal + self.scale * _WIDE * known, right), dtype=float)
-            there = seen.seen_from(delta)
-            if there is None:
-                break
-            # The mean, and what is not linear on the way there.
-            r = rows[:, 6] + whitened(there.r - seen.r + seen.J @ delta, covariances)
-        self._watch(composed(told, delta)[:3], self.scale * np.linalg.inv(normal + self.scale * _WIDE * known)[:3, :3])
+            information = normal + self.scale * _WIDE * known
+            self._delta = np.asarray(np.linalg.solve(information, right), dtype=float)
+        self._watch(composed(told, self._delta)[:3], self.scale * np.linalg.inv(information)[:3, :3])
         if not self._led_away:
             return 0.0
-        explained = float(right @ delta) - float(right @ np.linalg.solve(normal + self.scale * known, right))
+        explained = float(right @ self._delta) - float(right @ np.linalg.solve(normal + self.scale * known, right))
         return max(0.0, explained / (_OF_A_POSE * self.scale) - _DOUBTFUL)
+
+    def _taken_there(self, seen: ImageMismatch) -> Array:
+        """Return J and r of a frame, taken where the image puts the camera but as functions of delta, shape (2n, 7)."""
+        there = seen.seen_from(self._delta)
+        if there is None:
+            self._delta, there = np.zeros(6), seen
+        return np.column_stack([there.J, there.r + there.J @ self._delta])
 
     def _watch(self, position: Array, covariance: Array) -> None:
         """Take note of where the camera is by the image, seen from the target, shapes (3,) [m] and (3, 3)."""

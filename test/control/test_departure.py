@@ -77,3 +77,12 @@ def test_three_lines_tell_nothing():
         image = seen_by(pose, lines).image_lines.ravel()
         seen = ImageMismatch(lines.transformed(TARGET.inverse(), "camera"), image, np.zeros(6))
         assert departure.update(seen, OWN[:3], LASTING[:3], covariance(), np.zeros(6)) == 0.0
+
+
+def test_what_cannot_be_computed_with_teaches_nothing():
+    departure, error = Departure(), displaced(BESIDE, 0.3)
+    assert frame(departure, displaced(BESIDE, 0.1), error) == 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        assert frame(departure, displaced(BESIDE, 0.5), error, errors_of_image=1e200) == 0.0
+    assert frame(departure, displaced(BESIDE, 0.1), error) == 0.0
+    assert frame(departure, displaced(BESIDE, 0.5), error) > 0.0
