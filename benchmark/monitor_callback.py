@@ -31,11 +31,10 @@ from benchmark.servo_conditions import Camera, Frame
 from plsing_msgs.msg import LineFeatureArray, SingularityStatus
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.nodes import qos
-from plsing_ros.nodes.conversions import features_message, fill_stamp, fill_twist
+from plsing_ros.nodes.conversions import features_message, fill_stamp, fill_twist, status_message
 from plsing_ros.nodes.main import node_parser, run_nodes
 from plsing_ros.nodes.pose_conversions import camera_pose_message
 from plsing_ros.nodes.singularity_monitor import SingularityMonitorNode
-from plsing_ros.nodes.status_conversions import status_message
 from plsing_ros.testing.harness import Harness
 
 _SECOND = 1_000_000_000
@@ -94,11 +93,9 @@ class TimedMonitor(SingularityMonitorNode):
         self._times = times
         super().__init__(**options)
 
-    def subscribe(
-        self, message_type: type, topic: str, callback: Callable[[Any], None], *rest: Any, **raw: Any
-    ) -> None:
+    def subscribe(self, message_type: type, topic: str, callback: Callable[[Any], None], profile: Any) -> None:
         """Subscribe with a callback that is timed."""
-        super().subscribe(message_type, topic, self._times.timed(topic, callback), *rest, **raw)
+        super().subscribe(message_type, topic, self._times.timed(topic, callback), profile)
 
 
 class BareMonitor(BareNode):

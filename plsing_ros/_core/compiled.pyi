@@ -37,28 +37,6 @@ def have_images(moment: Array, min_depth: float) -> bool:
     that or l_z is not finite.
     """
 
-def good_features(
-    image_lines: Array,
-    direction: Array,
-    moment: Array,
-    covariances: Array,
-    ends: Array,
-    visible: BoolArray,
-    image_tolerance: float,
-    line_tolerance: float,
-    min_depth: float,
-) -> tuple[Array, Array, Array, Array] | None:
-    """Return the visible rows of lines that need no more checks, or None if there is none or one is not good.
-
-    Args:
-        image_lines: Shape (n, 3), as for are_image_lines with image_tolerance.
-        direction: Shape (n, 3), as for are_lines with line_tolerance.
-        moment: Shape (n, 3) [m], likewise, and as for have_images with min_depth.
-        covariances: (angle angle, angle offset, offset offset) of each image line, shape (n, 3) or (0, 3).
-        ends: Of the segments, shape (n, 4) or (0, 4).
-        visible: Which rows are, shape (n,); the others need only be finite.
-    """
-
 def is_rotation(rotation: Array, tolerance: float) -> bool:
     """Return whether a matrix (3, 3) is a rotation, its product with its transpose being off by up to the tolerance."""
 
@@ -390,15 +368,6 @@ def compare_lines(
 
 def pose_covariance(values: Array) -> Array | None:
     """Return the symmetric part of a matrix, shape (6, 6), or None if that is zero, not finite, or no covariance."""
-
-def checked_pose(values: Array, length_tolerance: float, farthest: float) -> tuple[Array, Array, Array | None] | None:
-    """Return rotation (3, 3), translation (3,) and covariance (6, 6) of a pose, or None where it is not a good one.
-
-    Args:
-        values: Position [m], quaternion (x, y, z, w) and covariance, shape (43,).
-        length_tolerance: How far the quaternion's length may be from 1.
-        farthest: What coordinates may be at most [m].
-    """
 
 def image_deviation(moment: Array, image_lines: Array) -> float:
     """Return the sum of squares of the images of lines of these moments (n, 3) [m] minus image lines (n, 3).
@@ -902,28 +871,4 @@ def compute_rollout_twist(
     """Return the twist (6,) that a roll-out commands for image lines (n, 3), zeros where a line is not detected.
 
     With no rows: for what a camera, a Pose, sees without noise.
-    """
-
-# serialized.cpp
-
-def read_serialized(layout: str, data: bytes) -> tuple[Any, ...]:
-    """Return the values of a message in little-endian CDR: numbers, strings, a tuple for integers, else arrays.
-
-    Args:
-        layout: Its values in order, as plsing_ros/nodes/serialized.py makes it: B, i, I, d, F<n>, s, D, L, U.
-        data: The message with the four bytes in front that say its form.
-
-    Raises:
-        ValueError: If it is in another form, or ends too early.
-    """
-
-def write_serialized(layout: str, values: tuple[Any, ...]) -> bytes:
-    """Return a message in little-endian CDR.
-
-    Args:
-        layout: Its values in order: B, i, I, d, F<n>, s, D, S.
-        values: One for each, a tuple or an array for F<n> and D.
-
-    Raises:
-        ValueError: If their number, or that of the doubles in one, is another.
     """

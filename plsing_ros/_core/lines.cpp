@@ -131,42 +131,6 @@ bool have_images(const Vectors &moment, double min_depth)
     return true;
 }
 
-bool are_covariances(const Vectors &values)
-{
-    // (first first, both, second second): false for what is not a number.
-    for (Index i = 0; i < values.rows(); i++)
-        if (!(values(i, 0) > 0.0 && values(i, 2) > 0.0 && values(i, 1) * values(i, 1) < values(i, 0) * values(i, 2)))
-            return false;
-    return true;
-}
-
-py::object good_features(const Vectors &image_lines, const Vectors &direction, const Vectors &moment,
-                         const Vectors &covariances, const View<Dynamic, 4> &ends, const View<Dynamic, 1, bool> &visible,
-                         double image_tolerance, double line_tolerance, double min_depth)
-{
-    // Also what is left out must be finite.
-    const Index n = visible.rows(), k = visible.count();
-    const bool has_covariances = covariances.rows() > 0;
-    if (k == 0 || image_lines.rows() != n || direction.rows() != n || moment.rows() != n ||
-        (has_covariances && covariances.rows() != n) || !image_lines.allFinite() || !direction.allFinite() ||
-        !moment.allFinite() || !covariances.allFinite() || !ends.allFinite())
-        return py::none();
-    const Vectors *all[] = {&image_lines, &direction, &moment, &covariances};
-    py::array_t<double> kept[4];
-    for (int j = 0; j < 4; j++) {
-        const Index rows = all[j]->rows() == n ? k : 0;
-        kept[j] = py::array_t<double>({rows, Index(3)});
-        double *next = kept[j].mutable_data();
-        for (Index i = 0; i < n && rows > 0; i++)
-            if (visible[i]) next = std::copy_n(all[j]->data() + 3 * i, 3, next);
-    }
-    const auto view = [&](int j) { return Vectors(kept[j].data(), kept[j].shape()); };
-    if (!are_image_lines(view(0), image_tolerance) || !are_lines(view(1), view(2), line_tolerance) ||
-        !have_images(view(2), min_depth) || !are_covariances(view(3)))
-        return py::none();
-    return py::make_tuple(kept[0], kept[1], kept[2], kept[3]);
-}
-
 bool is_rotation(const View<3, 3> &rotation, double tolerance)
 {
     const Matrix3d error = rotation * rotation.transpose() - Matrix3d::Identity();
@@ -327,7 +291,6 @@ void bind_lines(py::module_ &module)
     module.def("are_lines", &are_lines);
     module.def("are_image_lines", &are_image_lines);
     module.def("have_images", &have_images);
-    module.def("good_features", &good_features);
     module.def("is_rotation", &is_rotation);
     module.def("align_lines", &align_lines);
     module.def("are_consistent", &are_consistent);

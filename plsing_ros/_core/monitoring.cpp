@@ -60,19 +60,6 @@ py::object pose_covariance(const View<6, 6> &values)
     return array_of(symmetric);
 }
 
-// Rotation, translation and covariance, or None for it, of position, unit quaternion (x, y, z, w) and covariance; None
-// unless position and quaternion are good.
-py::object checked_pose(const View<43> &values, double length_tolerance, double farthest)
-{
-    constexpr Index sides[] = {6, 6};
-    const Eigen::Quaterniond quaternion(values[6], values[3], values[4], values[5]);
-    if (!(std::abs(quaternion.norm() - 1.0) <= length_tolerance && values.head<3>().cwiseAbs().maxCoeff() <= farthest &&
-          values.head<3>().allFinite()))
-        return py::none();
-    return py::make_tuple(array_of(quaternion.normalized().toRotationMatrix()), array_of(Vector3d(values.head<3>())),
-                          pose_covariance(View<6, 6>(values.data() + 7, sides)));
-}
-
 double image_deviation(const Vectors &moment, const Vectors &image_lines)
 {
     require(moment.rows() == image_lines.rows(), "there must be an image line for each moment");
@@ -135,7 +122,6 @@ void bind_monitoring(py::module_ &module)
     module.def("compare_lines", &compare_lines);
     module.def("image_deviation", &image_deviation);
     module.def("pose_covariance", &pose_covariance);
-    module.def("checked_pose", &checked_pose);
     module.def("closest_points", &closest_points);
     module.def("closest_approach", &closest_approach);
 }

@@ -3,34 +3,17 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.errors import ObservationError
-from plsing_ros.features.good_rows import observation_of_good_rows
 from plsing_ros.features.observation import LineObservation, LinesVerdict
 
 _MAX_CHARACTERS = 300
 # Looked up in a third of an enumeration's time.
 _VERDICTS = {int(each): each for each in LinesVerdict}
-
-
-class LineFeatures(NamedTuple):
-    """The fields of a plsing_msgs/LineFeatureArray in their order, without its stamp."""
-
-    frame_id: str
-    ids: Any
-    image_lines: Any
-    covariances: Any
-    ends: Any
-    directions: Any
-    moments: Any
-    visible: Any
-    lines_source: str
-    lines_verdict: int
-    lines_reason: str
 
 
 def observation_from_message(message: Any, frame: str) -> LineObservation:
@@ -43,61 +26,53 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
     Raises:
         ObservationError: If the frame is another one, lengths do not fit, a value is not finite, or ids repeat.
     """
-    fields = LineFeatures(
-        message.header.frame_id,
-        message.ids,
-        message.image_lines,
-        # Recordings made before lines had covariances and ends are read, too.
-        getattr(message, "covariances", ()),
-        getattr(message, "ends", ()),
-        message.directions,
-        message.moments,
-        message.visible,
-        getattr(message, "lines_source", ""),
-        message.lines_verdict,
-        message.lines_reason,
-    )
-    return observation_from_fields(fields, frame)
-
-
-def observation_from_fields(fields: LineFeatures, frame: str) -> LineObservation:
-    """Return the observation that line features in the given frame carry; as observation_from_message."""
-    given_frame, ids, image_lines, covariances, ends, directions, moments, visible, source, number, reason = fields
-    if given_frame != frame:
+    if message.header.frame_id != frame:
         raise ObservationError(
-            f"line features are in frame '{sender_text(given_frame)}', expected '{frame}' (parameter camera_frame)"
+            f"line features are in frame '{sender_text(message.header.frame_id)}', "
+            f"expected '{frame}' (parameter camera_frame)"
         )
-    n = len(ids)
+    n = len(message.ids)
     if n == 0:
         raise ObservationError("the feature message has no lines")
-    for name, values, allowed in (
-        ("covariances", covariances, (0, 3 * n)),
-        ("ends", ends, (0, 4 * n)),
-        ("image_lines", image_lines, (3 * n,)),
-        ("directions", directions, (0, 3 * n)),
-        ("moments", moments, (len(directions),)),
-        ("visible", visible, (0, n)),
-    ):
-        if len(values) not in allowed:
+    # Recordings made before lines had covariances and ends are read, too.
+    covariances, ends = getattr(message, "covariances", ()), getattr(message, "ends", ())
+    for name, values, width in (("covariances", covariances, 3), ("ends", ends, 4)):
+        if len(values) not in (0, width * n):
             raise ObservationError(
                 f"field '{name}' of the feature message has {len(values)} numbers for {n} lines; "
+                f"expected 0 or {width * n}"
+            )
+    for name, allowed in (
+        ("image_lines", (3 * n,)),
+        ("directions", (0, 3 * n)),
+        ("moments", (len(message.directions),)),
+        ("visible", (0, n)),
+    ):
+        if len(getattr(message, name)) not in allowed:
+            raise ObservationError(
+                f"field '{name}' of the feature message has {len(getattr(message, name))} numbers for {n} lines; "
                 f"expected {' or '.join(map(str, allowed))}"
             )
-    verdict = _VERDICTS.get(number)
+    verdict = _VERDICTS.get(message.lines_verdict)
     if verdict is None:
         raise ObservationError(
-            f"field 'lines_verdict' of the feature message is {number}; allowed: 0 to {max(LinesVerdict)}"
+            f"field 'lines_verdict' of the feature message is {message.lines_verdict}; allowed: 0 to "
+            f"{max(LinesVerdict)}"
         )
     given = verdict is LinesVerdict.GIVEN
-    image, direction, moment = np.frombuffer(image_lines).reshape(-1, 3), _rows(directions), _rows(moments)
-    usable = np.array(visible, dtype=bool) if len(visible) else np.ones(n, dtype=bool)
-    said = verdict, "" if given else sender_text(reason), "" if given else source
-    own_ids, known, segments = tuple(ids), _rows(covariances), _rows(ends, 4)
-    if direction is not None and moment is not None:
-        good = observation_of_good_rows(own_ids, image, direction, moment, usable, frame, known, *said, segments)
-        if good is not None:
-            return good
-    return LineObservation.from_rows(own_ids, image, direction, moment, usable, frame, known, *said, segments)
+    return LineObservation.from_rows(
+        tuple(message.ids),
+        np.frombuffer(message.image_lines).reshape(-1, 3),
+        _rows(message.directions),
+        _rows(message.moments),
+        np.array(message.visible, dtype=bool) if len(message.visible) else np.ones(n, dtype=bool),
+        frame,
+        _rows(covariances),
+        verdict,
+        "" if given else sender_text(message.lines_reason),
+        "" if given else getattr(message, "lines_source", ""),
+        _rows(ends, 4),
+    )
 
 
 def sender_text(text: str) -> str:

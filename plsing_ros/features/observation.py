@@ -20,7 +20,7 @@ from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import MessageWord
 
 # Trackers round image lines to float32 at worst; a longer deviation from l'_x^2 + l'_y^2 = 1 is another normalisation.
-NORM_TOLERANCE = 1e-3
+_NORM_TOLERANCE = 1e-3
 # All rows may be used.
 _ALL = cast("BoolArray", None)
 
@@ -94,7 +94,7 @@ class LineObservation:
             used, seen = tuple(compress(self.ids, uses)), image[usable]
             seen.setflags(write=False)
             checked_array("image_lines", image, (None, 3), ObservationError)
-        if not _core.are_image_lines(seen, NORM_TOLERANCE):
+        if not _core.are_image_lines(seen, _NORM_TOLERANCE):
             _refuse(self.ids, image, usable)
         object.__setattr__(self, "usable_ids", used)
         object.__setattr__(self, "usable_image_lines", seen)
@@ -103,13 +103,6 @@ class LineObservation:
             object.__setattr__(self, "ends", checked_array("ends", self.ends, (n, 4), ObservationError))
         if self.lines_camera is not None and self.lines_camera.ids != self.usable_ids:
             raise ObservationError(f"3-D lines have ids {self.lines_camera.ids}, expected {self.usable_ids}")
-
-    @classmethod
-    def unchecked(cls, **attributes: object) -> LineObservation:
-        """Return the observation of all attributes, which were checked already and are locked."""
-        observation = object.__new__(cls)
-        vars(observation).update(attributes)
-        return observation
 
     def __str__(self) -> str:
         rows = [
@@ -290,7 +283,7 @@ def _refuse(ids: tuple[int, ...], image_lines: Array, usable: BoolArray) -> None
     """Raise the error that names what is wrong with image lines, if it is not that of rows that are not usable."""
     checked_array("image_lines", image_lines, (None, 3), ObservationError)
     off = np.abs(np.hypot(image_lines[:, 0], image_lines[:, 1]) - 1.0) * usable
-    if len(ids) and off.max() > NORM_TOLERANCE:
+    if len(ids) and off.max() > _NORM_TOLERANCE:
         row = int(np.argmax(off))
         raise ObservationError(
             f"image line {ids[row]} is {image_lines[row].tolist()}; it must be normalised so that l'_x^2 + l'_y^2 = 1"

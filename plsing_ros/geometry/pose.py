@@ -15,8 +15,6 @@ from plsing_ros.errors import GeometryError
 from plsing_ros.geometry.rotations import exponential, quaternion_from_rotation, rotation_from_quaternion
 
 _TOLERANCE = 1e-6
-# Of a quaternion.
-LENGTH_TOLERANCE = 1e-3
 
 # Coordinates up to which products of a few lengths are still finite numbers.
 FARTHEST = 1e50  # [m]
@@ -54,15 +52,6 @@ class Pose:
         object.__setattr__(self, "translation", translation)
 
     @classmethod
-    def unchecked(cls, rotation: Array, translation: Array) -> Pose:
-        """Return the pose of a rotation and a position that were checked already, in new arrays; they are locked."""
-        rotation.setflags(write=False)
-        translation.setflags(write=False)
-        pose = object.__new__(cls)
-        vars(pose).update(rotation=rotation, translation=translation)
-        return pose
-
-    @classmethod
     def from_quaternion(cls, translation: npt.ArrayLike, quaternion_xyzw: npt.ArrayLike) -> Pose:
         """Build a pose from a position [m], shape (3,), and a unit quaternion (x, y, z, w), shape (4,).
 
@@ -71,7 +60,7 @@ class Pose:
         """
         quaternion = checked_array("quaternion", quaternion_xyzw, (4,))
         length = math.hypot(*quaternion.tolist())
-        if abs(length - 1.0) > LENGTH_TOLERANCE:
+        if abs(length - 1.0) > 1e-3:
             raise GeometryError(f"quaternion {quaternion.tolist()} (x, y, z, w) has length {length:.6g}, expected 1")
         return cls(rotation_from_quaternion(quaternion), checked_position("translation", translation))
 

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import array
+import math
 
 import numpy as np
-import numpy.typing as npt
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Twist, TwistStamped
 from std_msgs.msg import Header
@@ -15,19 +15,20 @@ from plsing_msgs.msg import (
     ControllerState,
     LineFeatureArray,
     SingularityAlert,
+    SingularityStatus,
 )
 from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command
 from plsing_ros.errors import GeometryError
-from plsing_ros.features import LineObservation
-from plsing_ros.features.feature_message import observation_from_fields as observation_from_fields
+from plsing_ros.features import Conditioning, LineObservation
 from plsing_ros.features.feature_message import observation_from_message as observation_from_message
 from plsing_ros.features.feature_message import sender_text
 from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
-from plsing_ros.singularities import Kind, LocusDistance
+from plsing_ros.monitoring.risk import Risk
+from plsing_ros.singularities import Kind, LocusDistance, Proximity, SingularSet
 
 _SECOND = 1_000_000_000
 _NO_NUMBERS = array.array("d")
@@ -119,18 +120,12 @@ def twist_from_message(message: TwistStamped, frame: str, topic: str = "cmd_twis
     Raises:
         GeometryError: If a value is not finite or beyond 1e50, or the twist is in another frame.
     """
-    linear, angular = message.twist.linear, message.twist.angular
-    values = [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
-    return twist_from_fields(message.header.frame_id, values, frame, topic)
-
-
-def twist_from_fields(given_frame: str, values: npt.ArrayLike, frame: str, topic: str = "cmd_twist") -> Array:
-    """Return (v, omega), shape (6,), of the fields of a twist; as twist_from_message."""
-    if given_frame != frame:
+    if message.header.frame_id != frame:
         raise GeometryError(
-            f"{topic} is in frame '{sender_text(given_frame)}', expected '{frame}' (parameter camera_frame)"
+            f"{topic} is in frame '{sender_text(message.header.frame_id)}', expected '{frame}' (parameter camera_frame)"
         )
-    return checked_twist(topic, values)
+    linear, angular = message.twist.linear, message.twist.angular
+    return checked_twist(topic, [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
 
 
 def point_message(point: Array) -> Point:
@@ -170,6 +165,86 @@ def controller_state_message(
     )
 
 
+def status_message(assessment: Assessment, singular: SingularSet, frame: str) -> SingularityStatus:
+    """Return the status of an assessment; what is not known is flagged and zero."""
+    message = SingularityStatus()
+    fill_status(message, assessment, singular, frame)
+    return message
+
+
+def fill_status(message: SingularityStatus, assessment: Assessment, singular: SingularSet, frame: str) -> None:
+    """Write the status of an assessment into a message, whatever was in it before."""
+    fill_stamp(message.header.stamp, assessment.stamp)
+    message.header.frame_id = frame
+    message.level = int(assessment.level)
+    message.reason = assessment.reason
+    message.line_count = assessment.line_count
+    message.trend = int(assessment.trend)
+    message.position_source = assessment.position_source
+    message.unobservable_motion_text = assessment.unobservable_motion_text
+    _fill_locus_distance(message.nearest, assessment.nearest, singular.lines.frame)
+    target, time, rate = (
+        assessment.target_inverse_condition_number,
+        assessment.time_to_critical,
+        assessment.inverse_condition_number_rate,
+    )
+    message.target_valid, message.target_inverse_condition_number = target is not None, target or 0.0
+    message.time_to_critical_valid, message.time_to_critical = time is not None, time or 0.0
+    message.rate_valid, message.inverse_condition_number_rate = rate is not None, rate or 0.0
+    approach = assessment.approach
+    message.approach_valid = approach is not None
+    message.approach_locus, message.approach_distance, message.time_to_approach = (
+        ("", 0.0, 0.0) if approach is None else (approach.name, approach.distance, approach.time)
+    )
+    distances = assessment.locus_distances
+    message.distances_valid = distances is not None
+    message.locus_names = [] if distances is None else list(singular.locus_names)
+    message.locus_distances = _NO_NUMBERS if distances is None else flat(distances)
+    _fill_conditioning(message, assessment.conditioning)
+    _fill_proximity(message, assessment.proximity)
+    _fill_risk(message, assessment.risk, assessment.stamp)
+
+
+def _fill_conditioning(message: SingularityStatus, numbers: Conditioning | None) -> None:
+    message.unobservable_motion_valid = numbers is not None
+    if numbers is None:
+        message.inverse_condition_number = message.scaled_inverse_condition_number = 0.0
+        message.characteristic_length = 0.0
+        message.singular_values = _NO_NUMBERS
+        fill_twist(message.unobservable_motion, np.zeros(6))
+        return
+    message.inverse_condition_number = numbers.inverse_condition_number
+    message.scaled_inverse_condition_number = numbers.scaled_inverse_condition_number
+    message.characteristic_length = numbers.characteristic_length
+    message.singular_values = flat(numbers.singular_values)
+    fill_twist(message.unobservable_motion, numbers.least_observable_direction)
+
+
+def _fill_proximity(message: SingularityStatus, near: Proximity | None) -> None:
+    """Fill in how near the camera is to a singular centre; what is infinite is flagged and zero."""
+    known = near is not None and math.isfinite(near.distance)
+    message.proximity_valid = known
+    message.singular_distance, message.relative_condition = (
+        (near.distance, near.relative_condition) if near is not None and known else (0.0, 0.0)
+    )
+    z = None if near is None else near.z
+    message.has_z, message.z = (True, z) if z is not None and math.isfinite(z) else (False, 0.0)
+    precise = near is not None and math.isfinite(near.position_std) and math.isfinite(near.rotation_std)
+    message.precision_valid = precise
+    message.position_std, message.rotation_std = (
+        (near.position_std, near.rotation_std) if near is not None and precise else (0.0, 0.0)
+    )
+
+
+def _fill_risk(message: SingularityStatus, risk: Risk | None, stamp: int) -> None:
+    time = None if risk is None else risk.time_to_harm
+    message.risk_valid, message.time_to_harm_valid = risk is not None, time is not None
+    message.risk, message.demand, message.harm, message.harm_text = (
+        (0.0, 0.0, 0, "") if risk is None else (risk.probability, risk.demand, int(risk.harm), risk.harm_text)
+    )
+    message.time_to_harm = 0.0 if risk is None or time is None else max(time - (stamp - risk.stamp) / 1e9, 0.0)
+
+
 def alert_message(assessment: Assessment, previous: Level, frame: str, scene_frame: str) -> SingularityAlert:
     """Return the alert of a change of level of a camera, whose frame it is, in a scene."""
     numbers = assessment.conditioning
@@ -186,7 +261,20 @@ def alert_message(assessment: Assessment, previous: Level, frame: str, scene_fra
 def locus_distance_message(nearest: LocusDistance | None, frame: str) -> LocusDistanceMessage:
     """Return the message of a distance in the scene's frame, of kind NONE if there is none."""
     message = LocusDistanceMessage()
-    if nearest is not None:
-        message.kind, message.name, message.distance = LOCUS_KINDS[nearest.kind], nearest.name, float(nearest.distance)
-        message.frame_id, message.closest_point = frame, point_message(nearest.closest_point)
+    _fill_locus_distance(message, nearest, frame)
     return message
+
+
+def _fill_locus_distance(message: LocusDistanceMessage, nearest: LocusDistance | None, frame: str) -> None:
+    if nearest is None:
+        message.kind, message.name, message.distance, message.frame_id = LocusDistanceMessage.KIND_NONE, "", 0.0, ""
+        point = [0.0, 0.0, 0.0]
+    else:
+        message.kind, message.name, message.distance, message.frame_id = (
+            LOCUS_KINDS[nearest.kind],
+            nearest.name,
+            float(nearest.distance),
+            frame,
+        )
+        point = nearest.closest_point.tolist()
+    message.closest_point.x, message.closest_point.y, message.closest_point.z = point

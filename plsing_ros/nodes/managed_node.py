@@ -156,13 +156,10 @@ class ManagedNode(LifecycleNode):
         """Create a publisher whose quality of service can be overridden by parameters."""
         return self.create_publisher(message_type, topic, profile, qos_overriding_options=qos.overridable())
 
-    def subscribe(
-        self, message_type: type, topic: str, callback: Callable[[Any], None], profile: Any, raw: bool = False
-    ) -> None:
+    def subscribe(self, message_type: type, topic: str, callback: Callable[[Any], None], profile: Any) -> None:
         """Call back for each message while active; quality of service can be overridden by parameters.
 
-        The latest message of a latched topic is handed over at each activation, for it does not come again. A raw one
-        is handed over as bytes, in its serialized form.
+        The latest message of a latched topic is handed over at each activation, for it does not come again.
         """
         guarded = self.guarded(callback)
         receive = guarded
@@ -172,9 +169,7 @@ class ManagedNode(LifecycleNode):
                 self._latched[topic] = (guarded, message)
                 guarded(message)
 
-        super().create_subscription(
-            message_type, topic, receive, profile, qos_overriding_options=qos.overridable(), raw=raw
-        )
+        super().create_subscription(message_type, topic, receive, profile, qos_overriding_options=qos.overridable())
 
     def serve(self, service_type: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Answer a service while active; otherwise, and at a fault, its answer is success: false with a message."""

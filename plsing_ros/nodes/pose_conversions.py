@@ -9,11 +9,9 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Transform
 from std_msgs.msg import Header
 
 from plsing_msgs.msg import PoseEstimate as PoseEstimateMessage
-from plsing_ros import _core
 from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import Pose
-from plsing_ros.geometry.pose import FARTHEST, LENGTH_TOLERANCE
 from plsing_ros.nodes.conversions import flat, locus_distance_message, twist_message
 from plsing_ros.pose import PoseEstimate
 from plsing_ros.pose.received_poses import covariance_or_none
@@ -65,29 +63,6 @@ def camera_pose_from_message(message: PoseWithCovarianceStamped, frame: str, top
     return _pose(topic, message.header.frame_id, message.pose.pose, frame)
 
 
-def camera_pose_from_fields(
-    given_frame: str, values: Array, frame: str, topic: str = "camera_pose"
-) -> tuple[Pose, Array | None]:
-    """Return T_world_camera and its covariance, as camera_pose_from_message and covariance_from_message.
-
-    Args:
-        given_frame: Of the message.
-        values: Its doubles: position, quaternion (x, y, z, w) and covariance, shape (43,).
-        frame: That of the scene.
-        topic: That it came on.
-
-    Raises:
-        GeometryError: As for camera_pose_from_message.
-    """
-    _refuse_other_frame(topic, given_frame, frame)
-    found = _core.checked_pose(values, LENGTH_TOLERANCE, FARTHEST)
-    if found is None:
-        # Which says what is wrong.
-        return Pose.from_quaternion(values[:3], values[3:7]), None
-    rotation, translation, covariance = found
-    return Pose.unchecked(rotation, translation), covariance
-
-
 def covariance_from_message(message: PoseWithCovarianceStamped) -> Array | None:
     """Return the covariance of the camera's pose in the axes of the header's frame, (position, rotation), shape (6, 6).
 
@@ -131,11 +106,7 @@ def pose_estimate_message(estimate: PoseEstimate, head: Header) -> PoseEstimateM
 
 
 def _pose(what: str, given_frame: str, pose: PoseMessage, frame: str) -> Pose:
-    _refuse_other_frame(what, given_frame, frame)
-    position, q = pose.position, pose.orientation
-    return Pose.from_quaternion([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])
-
-
-def _refuse_other_frame(what: str, given_frame: str, frame: str) -> None:
     if given_frame != frame:
         raise GeometryError(f"{what} is in frame '{given_frame}', expected '{frame}' (parameter scene_frame)")
+    position, q = pose.position, pose.orientation
+    return Pose.from_quaternion([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])

@@ -17,17 +17,18 @@ from visualization_msgs.msg import MarkerArray
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus, SingularLoci
 from plsing_msgs.srv import CheckPose
 from plsing_ros.errors import PlsingError
-from plsing_ros.features.feature_message import LineFeatures
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor as Monitor
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     alert_message,
+    fill_status,
     header,
-    observation_from_fields,
+    nanoseconds,
     observation_from_message,
-    twist_from_fields,
+    status_message,
+    twist_from_message,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
 from plsing_ros.nodes.locus_conversions import loci_message
@@ -35,13 +36,9 @@ from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.markers import CameraMarkers, scene_markers
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.path_conversions import path_from_message
-from plsing_ros.nodes.pose_conversions import camera_pose_from_fields, pose_from_message
-from plsing_ros.nodes.serialized import SerializedType
-from plsing_ros.nodes.status_conversions import serialized_status, status_message
+from plsing_ros.nodes.pose_conversions import camera_pose_from_message, covariance_from_message, pose_from_message
 from plsing_ros.parameters import MonitorParameters
 
-_SECOND = 1_000_000_000
-_POSE, _TWIST, _FEATURES = map(SerializedType, (PoseWithCovarianceStamped, TwistStamped, LineFeatureArray))
 _DIAGNOSTIC_LEVELS = {
     Level.OK: DiagnosticStatus.OK,
     Level.WARN: DiagnosticStatus.WARN,
@@ -63,17 +60,17 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         self._drawn: Assessment | None = None
         # The operator's word outlives what configure makes.
         self._enabled = True
+        self._message = SingularityStatus()
         self._status = self.advertise(SingularityStatus, "singularity_status", qos.STATUS)
         self._alerts = self.advertise(SingularityAlert, "singularity_alerts", qos.LATCHED)
         self._loci = self.advertise(SingularLoci, "singular_loci", qos.LATCHED)
         self._scene_markers = self.advertise(MarkerArray, "singularity_markers", qos.LATCHED)
         self._camera_markers = self.advertise(MarkerArray, "camera_markers", qos.LATCHED)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
-        # What comes with every frame is read from its serialized form.
-        self.subscribe(PoseWithCovarianceStamped, "camera_pose", self._on_pose, qos.SENSOR_DATA, raw=True)
-        self.subscribe(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT, raw=True)
+        self.subscribe(PoseWithCovarianceStamped, "camera_pose", self._on_pose, qos.SENSOR_DATA)
+        self.subscribe(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
         self.subscribe(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
-        self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA, raw=True)
+        self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         self.subscribe(ControllerState, "controller/state", self._on_controller, qos.STATUS)
         self.subscribe(Path, "controller/planned_path", self._on_path, qos.LATCHED)
         self.serve(SetBool, "~/enable", self._on_enable)
@@ -112,26 +109,24 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
 
         return put_in_force
 
-    def _on_pose(self, message: bytes) -> None:
-        seconds, nanoseconds, frame, values = _POSE.read(message)
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         try:
-            pose, covariance = camera_pose_from_fields(frame, values, self.parameters.scene_frame)
+            pose = camera_pose_from_message(message, self.parameters.scene_frame)
         except PlsingError as error:
             self._monitor.forget_poses()
             self.warn_of("camera_pose refused", str(error))
         else:
             self.warn_of("camera_pose refused", "")
-            self._monitor.receive_pose(pose, seconds * _SECOND + nanoseconds, covariance)
+            self._monitor.receive_pose(pose, nanoseconds(message.header.stamp), covariance_from_message(message))
 
-    def _on_twist(self, message: bytes) -> None:
-        seconds, nanoseconds, frame, values = _TWIST.read(message)
+    def _on_twist(self, message: TwistStamped) -> None:
         try:
-            twist = twist_from_fields(frame, values, self.parameters.camera_frame)
+            twist = twist_from_message(message, self.parameters.camera_frame)
         except PlsingError as error:
             self.warn_of("cmd_twist not used for prediction", str(error))
         else:
             self.warn_of("cmd_twist not used for prediction", "")
-            self._monitor.receive_twist(twist, seconds * _SECOND + nanoseconds)
+            self._monitor.receive_twist(twist, nanoseconds(message.header.stamp))
 
     def _on_controller(self, message: ControllerState) -> None:
         self._monitor.receive_controller(message.law, message.gain)
@@ -157,11 +152,10 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         except PlsingError as error:
             self.get_logger().warning(f"desired_line_features not used as the target: {error}")
 
-    def _on_features(self, message: bytes) -> None:
-        seconds, nanoseconds, *fields = _FEATURES.read(message)
-        stamp = seconds * _SECOND + nanoseconds
+    def _on_features(self, message: LineFeatureArray) -> None:
+        stamp = nanoseconds(message.header.stamp)
         try:
-            observation = observation_from_fields(LineFeatures(*fields), self.parameters.camera_frame)
+            observation = observation_from_message(message, self.parameters.camera_frame)
             assessment = self._monitor.answer(observation, stamp, self.now())
         except PlsingError as error:
             assessment = self._monitor.unusable(str(error), stamp)
@@ -196,9 +190,9 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
     def _publish(self, assessment: Assessment) -> None:
         previous, self._latest = self._latest, assessment
         if self._status.get_subscription_count():
-            self._status.publish(
-                serialized_status(assessment, self._monitor.singular_set, self.parameters.camera_frame)
-            )
+            # One message for all: it is taken over before publish returns, and making one costs more than filling it.
+            fill_status(self._message, assessment, self._monitor.singular_set, self.parameters.camera_frame)
+            self._status.publish(self._message)
         if previous is not None and (previous.level, previous.kind) == (assessment.level, assessment.kind):
             return
         before = assessment.level if previous is None else previous.level
