@@ -22,15 +22,17 @@ py::tuple result_of(const PoseFit& fit)
                           fit.weights, fit.squares);
 }
 
-using VisibleEdges = std::vector<VisibleEdge>;
+struct Visible { std::vector<VisibleEdge> edges; };
+struct Lines { std::vector<EdgeLines> edges; };
 
-struct Visible {
-    VisibleEdges edges;
-};
-
-struct Lines {
-    std::vector<EdgeLines> edges;
-};
+template <typename Edges>
+std::vector<int> rows_of(const Edges& edges)
+{
+    std::vector<int> rows;
+    for (const auto& edge : edges)
+        rows.push_back(edge.edge);
+    return rows;
+}
 
 }  // namespace
 
@@ -38,36 +40,17 @@ void bind_tracking(pybind11::module_& module)
 {
     py::class_<Visible>(module, "VisibleEdges", "Visible parts of edges, their samples, and what was found there.")
         .def("__len__", [](const Visible& visible) { return visible.edges.size(); })
-        .def_property_readonly("edges", [](const Visible& visible) {
-            std::vector<int> rows;
-            for (const auto& edge : visible.edges)
-                rows.push_back(edge.edge);
-            return rows;
-        })
+        .def_property_readonly("edges", [](const Visible& visible) { return rows_of(visible.edges); })
         .def("points", [](const Visible& visible, int i) {
             const auto& samples = visible.edges.at(i).samples;
             Rows2 points(samples.size(), 2);
             for (std::size_t j = 0; j < samples.size(); ++j)
                 points.row(j) = samples[j].point.transpose();
             return points;
-        })
-        .def("candidates", [](const Visible& visible, int i) {
-            std::vector<std::vector<std::pair<float, float>>> found;
-            for (const auto& sample : visible.edges.at(i).samples) {
-                found.emplace_back();
-                for (int j = 0; j < sample.count; ++j)
-                    found.back().emplace_back(sample.candidates[j].offset, sample.candidates[j].response);
-            }
-            return found;
         });
     py::class_<Lines>(module, "EdgeLines", "The lines that fit each visible edge, best first.")
         .def("__len__", [](const Lines& lines) { return lines.edges.size(); })
-        .def_property_readonly("edges", [](const Lines& lines) {
-            std::vector<int> rows;
-            for (const auto& edge : lines.edges)
-                rows.push_back(edge.edge);
-            return rows;
-        })
+        .def_property_readonly("edges", [](const Lines& lines) { return rows_of(lines.edges); })
         .def("chosen", [](const Lines& lines, const std::vector<int>& chosen) {
             // Rows of phi, rho, var phi, cov, var rho, support, contrast, offset.
             Eigen::Matrix<double, Eigen::Dynamic, 8, Eigen::RowMajor> rows(chosen.size(), 8);
@@ -96,10 +79,18 @@ void bind_tracking(pybind11::module_& module)
                            const Vector3d& translation, double focal, int range, double tolerance) {
             return edge_support(model, visible.edges, transform(rotation, translation), focal, range, tolerance);
         });
+    py::class_<EdgeMemory>(module, "EdgeMemory", "How bright an object's own faces are beside its edges.")
+        .def(py::init<int>())
+        .def("forget", &EdgeMemory::forget)
+        .def("learn", [](EdgeMemory& memory, const EdgeModel& model, const Visible& visible, const Matrix3d& rotation,
+                         const Vector3d& translation, double focal, const std::vector<bool>& agree) {
+            memory.learn(model, visible.edges, transform(rotation, translation), focal, agree);
+        });
     module.def("search_edges", [](Visible& visible, const Image& image, const Eigen::Matrix<double, 12, 1>& camera,
-                                  int range, double noise, double gamma, const Eigen::VectorXd& contrast) {
+                                  int range, double noise, double gamma, const Eigen::VectorXd& contrast,
+                                  EdgeMemory& memory) {
         check(image);
-        search_edges(visible.edges, image, Camera(camera), range, noise, gamma, contrast);
+        search_edges(visible.edges, image, Camera(camera), range, noise, gamma, contrast, memory);
     });
     module.def("fit_edge_lines", [](const Visible& visible, double focal, int range) {
         return Lines{fit_lines(visible.edges, focal, range)};

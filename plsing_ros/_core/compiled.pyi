@@ -432,9 +432,6 @@ class VisibleEdges:
     def points(self, i: int) -> Array:
         """Return the samples of a visible edge in the normalised image, shape (k, 2)."""
 
-    def candidates(self, i: int) -> list[list[tuple[float, float]]]:
-        """Return, for each sample, the offsets [px] of steps of brightness and their heights, best first."""
-
 class EdgeLines:
     """The lines that fit each visible edge, best first."""
 
@@ -477,7 +474,26 @@ class EdgeModel:
         search_range: int,
         tolerance: float,
     ) -> Array:
-        """Return, for each visible edge, its samples, those with a step at the pose, and how many would by chance."""
+        """Return, for each visible edge, its samples, those with a step at the pose, how many would by chance, and
+        those without one where something is in the way."""
+
+class EdgeMemory:
+    """How bright an object's own faces are beside its edges."""
+
+    def __init__(self, edges: int) -> None: ...
+    def forget(self) -> None:
+        """Know nothing any more."""
+
+    def learn(
+        self,
+        model: EdgeModel,
+        visible: VisibleEdges,
+        rotation: Array,
+        translation: Array,
+        focal: float,
+        agree: npt.ArrayLike,
+    ) -> None:
+        """Learn from an image at its pose, from the edges that agree with it."""
 
 def search_edges(
     visible: VisibleEdges,
@@ -487,6 +503,7 @@ def search_edges(
     noise: float,
     gamma: float,
     contrast: Array,
+    memory: EdgeMemory,
 ) -> None:
     """Look for steps of brightness across each visible edge."""
 

@@ -23,6 +23,13 @@ const std::array<double, 2 * HALF + 1> TAPS = [] {
 constexpr double NOISE_GAIN = 0.69;     // of the filter, after the mean of three neighbours
 constexpr double THRESHOLD = 3.5;       // standard deviations of the answer to noise
 constexpr double MIN_RESPONSE = 0.7;    // [grey levels], above the rounding to whole ones
+// Of the brightness beside an edge from the one that is remembered: in deviations, and [grey levels].
+constexpr double MAX_OFF = 4.0, MIN_OFF = 6.0, MIN_SHARE_OFF = 0.1;
+constexpr double MIN_SEEN = 0.4;        // of the samples
+constexpr double SAME = 1.0;            // [px] of a step from an edge, to be this one
+constexpr float RATE = 0.2F;            // of learning
+constexpr float FADING = 1.01F;         // of a deviation, with each image in which the edge is not seen there
+constexpr float FIRST = 8.0F;           // deviation [grey levels]
 
 // A grey level, and the light that it stands for, on the same scale.
 using Level = Eigen::Array2d;
@@ -87,13 +94,15 @@ double image_noise(const Image& image)
 }
 
 void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Camera& camera, int range, double noise,
-                  double gamma, const Eigen::VectorXd& contrast)
+                  double gamma, const Eigen::VectorXd& contrast, EdgeMemory& memory)
 {
     const Pixels pixels{image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
                         levels_of(gamma)};
     const double threshold = std::max(THRESHOLD * NOISE_GAIN * noise / std::sqrt(3.0), MIN_RESPONSE);
     const int reach = range + HALF + 1;
     std::vector<Level> profile(2 * reach + 1), response(2 * range + 3);
+    std::vector<double> ratios;
+    std::size_t samples = 0;
     for (VisibleEdge& edge : edges) {
         const Vector2d normal = edge.normal / camera.focal, tangent = edge.tangent() / camera.focal;
         const double remembered = contrast[edge.edge];
@@ -119,8 +128,14 @@ void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Cam
                     sum += TAPS[j + HALF] * profile[i + j + reach];
                 response[i + range + 1] = sum;
             }
+            const auto level = [&](int at) { return static_cast<float>(profile[at + HALF][0]); };
+            const auto beside = [&](int at) {
+                return std::array<float, 4>{level(at - 2), level(at - 4), level(at + 2), level(at + 4)};
+            };
+            sample.covered = !memory.allows(edge, sample, {0.0F, 0.0F, beside(range + 1)});
             sample.count = 0;
             std::array<double, MAX_CANDIDATES> scores{};
+            double best = 0.0, ratio = 0.0;
             for (int i = 1; i <= 2 * range + 1; ++i) {
                 const double left = std::abs(response[i - 1][0]), here = std::abs(response[i][0]),
                              right = std::abs(response[i + 1][0]);
@@ -134,12 +149,19 @@ void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Cam
                 const double shift = vertex(std::abs(response[light - 1][1]), std::abs(response[light][1]),
                                             std::abs(response[light + 1][1]));
                 const double step = response[i][0];
-                const Candidate candidate{static_cast<float>(light - range - 1 + shift), static_cast<float>(step)};
+                const Candidate candidate{static_cast<float>(light - range - 1 + shift), static_cast<float>(step),
+                                          beside(i)};
                 double score = here;
                 if (remembered != 0.0) {
                     const double off = (step - remembered) / (std::abs(remembered) + threshold);
                     score = 0.2 * std::min(here / std::abs(remembered), 1.0) + std::exp(-2.0 * off * off);
                 }
+                if (score > best) {
+                    best = score;
+                    ratio = memory.ratio(edge, sample, candidate);
+                }
+                if (!memory.allows(edge, sample, candidate))
+                    continue;
                 // Insert in order of the score; the weakest falls out.
                 int place = std::min(sample.count, MAX_CANDIDATES);
                 while (place > 0 && scores[place - 1] < score)
@@ -153,6 +175,71 @@ void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Cam
                 }
                 scores[place] = score;
                 sample.candidates[place] = candidate;
+            }
+            if (ratio > 0.0)
+                ratios.push_back(ratio);
+        }
+        samples += edge.samples.size();
+    }
+    // Elsewhere than at the object's edges steps are few, and tell nothing about its light.
+    if (ratios.size() > MIN_SEEN * samples)
+        memory.set_gain(ratios);
+}
+
+bool EdgeMemory::allows(const VisibleEdge& edge, const Sample& sample, const Candidate& candidate) const
+{
+    for (int k : {0, 1, 2, 3}) {
+        const Level& level = levels_[edge.edge][sample.place][k];
+        if (edge.on_object[k / 2] && level.mean > 0.0F &&
+            std::abs(candidate.beside[k] - gain_ * level.mean) >
+                gain_ * (MAX_OFF * level.deviation + MIN_SHARE_OFF * level.mean) + MIN_OFF)
+            return false;
+    }
+    return true;
+}
+
+double EdgeMemory::ratio(const VisibleEdge& edge, const Sample& sample, const Candidate& candidate) const
+{
+    for (int k : {0, 1, 2, 3}) {
+        const Level& level = levels_[edge.edge][sample.place][k];
+        if (edge.on_object[k / 2] && level.mean > 0.0F)
+            return candidate.beside[k] / level.mean;
+    }
+    return 0.0;
+}
+
+void EdgeMemory::set_gain(std::vector<double>& ratios)
+{
+    std::nth_element(ratios.begin(), ratios.begin() + ratios.size() / 2, ratios.end());
+    gain_ = std::clamp(ratios[ratios.size() / 2], 0.25, 4.0);
+}
+
+void EdgeMemory::learn(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose,
+                       double focal, const std::vector<bool>& agree)
+{
+    for (std::size_t i = 0; i < edges.size(); ++i) {
+        const VisibleEdge& edge = edges[i];
+        const Vector3d line = model.line(edge.edge, pose);
+        const double across = line.head<2>().dot(edge.normal);
+        for (const Sample& sample : edge.samples) {
+            const double at = -(line.head<2>().dot(sample.point) + line.z()) / across * focal;
+            const Candidate* nearest = nullptr;
+            for (int j = 0; j < sample.count; ++j)
+                if (agree[i] && std::abs(sample.candidates[j].offset - at) < SAME)
+                    nearest = &sample.candidates[j];
+            for (int k : {0, 1, 2, 3}) {
+                Level& level = levels_[edge.edge][sample.place][k];
+                if (!edge.on_object[k / 2])
+                    continue;
+                if (nearest == nullptr) {
+                    level.deviation *= FADING;
+                } else if (level.mean == 0.0F) {
+                    level = {std::max(nearest->beside[k], 1.0F), FIRST};
+                } else {
+                    const float off = nearest->beside[k] - static_cast<float>(gain_) * level.mean;
+                    level.mean += RATE * (nearest->beside[k] - level.mean);
+                    level.deviation += RATE * (1.25F * std::abs(off) - level.deviation);
+                }
             }
         }
     }

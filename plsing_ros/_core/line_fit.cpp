@@ -14,6 +14,8 @@ constexpr double TOLERANCE = 1.5;   // [px] of a candidate from its line
 constexpr double SURE = 0.9;        // of the best score that is possible: no better line is looked for
 constexpr double MIN_SUPPORT = 5.0; // samples
 constexpr double MIN_SHARE = 0.2;   // of an edge's samples
+constexpr double SAME = 1.0;        // [px] within which the lines of two edges are the same step of the image
+constexpr double MIN_BESIDE = 0.3;  // of the shorter one of two edges that are side by side
 constexpr double MAX_SLOPE = 0.3;   // of a line against its prediction
 // What neighbours share does not average out: the variance of the mean of samples is larger than of independent ones.
 constexpr double CORRELATION = 4.0;
@@ -114,8 +116,7 @@ bool refine(const VisibleEdge& edge, const Filled& filled, double focal, Straigh
     }
     if (std::abs(line.slope) > MAX_SLOPE)
         return false;
-    const double length = std::max(edge.samples.back().along - edge.samples.front().along,
-                                   edge.samples.front().along - edge.samples.back().along);
+    const double length = std::abs(edge.samples.back().along - edge.samples.front().along);
     Matrix2d covariance = CORRELATION * scale * scale * normal_matrix.inverse();
     covariance(0, 0) += MIN_DEVIATION * MIN_DEVIATION;
     covariance(1, 1) += 12.0 * MIN_DEVIATION * MIN_DEVIATION / (length * length);
@@ -137,11 +138,45 @@ bool refine(const VisibleEdge& edge, const Filled& filled, double focal, Straigh
     return true;
 }
 
+// Of a face that is seen nearly edge-on two edges take the same step of the image, which is of one of them: a pose that
+// makes it quite edge-on would explain both, and is wrong. Their lines are as uncertain as steps are merged.
+void widen_shared(const std::vector<const VisibleEdge*>& edges, std::vector<EdgeLines>& found, double focal)
+{
+    for (std::size_t i = 0; i < found.size(); ++i) {
+        const VisibleEdge& edge = *edges[i];
+        const Vector2d tangent = edge.tangent();
+        const double half = std::abs(edge.samples.back().along);
+        for (FittedLine& line : found[i].lines) {
+            const Vector2d normal(std::cos(line.phi), std::sin(line.phi));
+            for (std::size_t j = 0; j < found.size(); ++j) {
+                const auto [a, b] = std::minmax({tangent.dot(edges[j]->samples.front().point - edge.middle) * focal,
+                                                 tangent.dot(edges[j]->samples.back().point - edge.middle) * focal});
+                const double low = std::max(a, -half), high = std::min(b, half);
+                if (i == j || high - low < MIN_BESIDE * std::min(2.0 * half, b - a))
+                    continue;
+                const FittedLine& other = found[j].lines.front();
+                const auto apart = [&](double at) {
+                    const Vector2d beside = edge.middle + at / focal * tangent;
+                    const Vector2d p = beside - (normal.dot(beside) + line.rho) * normal;
+                    return std::abs(std::cos(other.phi) * p.x() + std::sin(other.phi) * p.y() + other.rho) * focal;
+                };
+                if (apart(low) > SAME || apart(high) > SAME)
+                    continue;
+                const Vector2d turned = TOLERANCE / half * Vector2d(1.0, -tangent.dot(edge.middle));
+                line.covariance += turned * turned.transpose();
+                line.covariance(1, 1) += TOLERANCE * TOLERANCE / (focal * focal);
+                break;
+            }
+        }
+    }
+}
+
 }  // namespace
 
 std::vector<EdgeLines> fit_lines(const std::vector<VisibleEdge>& edges, double focal, int range)
 {
     std::vector<EdgeLines> result;
+    std::vector<const VisibleEdge*> with_lines;
     Filled filled;
     std::vector<Straight> straights;
     for (const VisibleEdge& edge : edges) {
@@ -197,9 +232,12 @@ std::vector<EdgeLines> fit_lines(const std::vector<VisibleEdge>& edges, double f
             if (refine(edge, filled, focal, line, fitted))
                 found.lines.push_back(fitted);
         }
-        if (!found.lines.empty())
+        if (!found.lines.empty()) {
             result.push_back(std::move(found));
+            with_lines.push_back(&edge);
+        }
     }
+    widen_shared(with_lines, result, focal);
     return result;
 }
 

@@ -13,8 +13,6 @@ constexpr int CAUCHY_ITERATIONS = 6;
 constexpr double MIN_STEP = 1e-7, MAX_TURN = 0.5;  // [rad]
 constexpr double CAUCHY = 2.385, TUKEY = 4.685;
 
-double wrapped(double angle) { return std::remainder(angle, 2.0 * M_PI); }
-
 double weight_of(double residual, bool tukey)
 {
     if (!tukey)
@@ -30,14 +28,6 @@ double scale_of(std::vector<double> lengths)
         return 1.0;
     std::nth_element(lengths.begin(), lengths.begin() + lengths.size() / 2, lengths.end());
     return lengths[lengths.size() / 2] / 1.1774;
-}
-
-Matrix6 damped(const Matrix6& information)
-{
-    Matrix6 matrix = information;
-    // Directions that nothing is known about stay where they are.
-    matrix.diagonal() += 1e-9 * information.diagonal() + Vector6::Constant(1e-9);
-    return matrix;
 }
 
 // Gauss-Newton from a pose, drawn to a prior. `fill` makes the residuals, two for each observation in units of their
@@ -69,7 +59,10 @@ PoseFit fit(std::size_t count, Transform pose, const Transform& prior, const Mat
         }
         if (iteration == ITERATIONS)
             break;
-        Vector6 step = damped(fit.information).ldlt().solve(gradient);
+        // Directions that nothing is known about stay where they are.
+        Matrix6 damped = fit.information;
+        damped.diagonal() += 1e-9 * fit.information.diagonal() + Vector6::Constant(1e-9);
+        Vector6 step = damped.ldlt().solve(gradient);
         const double turn = step.tail<3>().norm();
         if (turn > MAX_TURN)
             step *= MAX_TURN / turn;
@@ -111,7 +104,8 @@ PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Tr
             const double most = lines[i].lines.front().support;
             for (std::size_t j = 0; j < lines[i].lines.size(); ++j) {
                 const FittedLine& line = lines[i].lines[j];
-                const Vector2d residual = whitening[i][j] * Vector2d(wrapped(line.phi - phi), line.rho - rho);
+                const Vector2d residual = whitening[i][j] * Vector2d(std::remainder(line.phi - phi, 2.0 * M_PI),
+                                                                     line.rho - rho);
                 // The less of the edge supports a line, the nearer it must be.
                 const double cost = residual.norm() * (0.5 + 0.5 * most / line.support);
                 if (cost < least) {
@@ -145,15 +139,13 @@ PoseFit fit_points(const Rows3& points, const Rows2& seen, double deviation, Tra
     return fit(points.rows(), pose, pose, Matrix6::Zero(), fill);
 }
 
-Rows3 edge_support(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose, double focal,
+Rows4 edge_support(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose, double focal,
                    int range, double tolerance)
 {
-    Rows3 support = Rows3::Zero(edges.size(), 3);
+    Rows4 support = Rows4::Zero(edges.size(), 4);
     for (std::size_t i = 0; i < edges.size(); ++i) {
         const VisibleEdge& edge = edges[i];
-        const Vector3d moment = (pose * Vector3d(model.vertices().row(model.edges()(edge.edge, 0))))
-                                    .cross(pose * Vector3d(model.vertices().row(model.edges()(edge.edge, 1))));
-        const Vector3d line = moment / moment.head<2>().norm();
+        const Vector3d line = model.line(edge.edge, pose);
         const double across = line.head<2>().dot(edge.normal);
         support(i, 0) = static_cast<double>(edge.samples.size());
         if (std::abs(across) < 0.5)
@@ -165,6 +157,7 @@ Rows3 edge_support(const EdgeModel& model, const std::vector<VisibleEdge>& edges
             for (int j = 0; j < sample.count; ++j)
                 (std::abs(sample.candidates[j].offset - at) < tolerance ? here = true : ++elsewhere > 0);
             support(i, 1) += here;
+            support(i, 3) += sample.covered && !here;
             support(i, 2) += std::min(1.0, elsewhere * 2.0 * tolerance / (2.0 * range + 1.0));
         }
     }

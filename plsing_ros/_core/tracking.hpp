@@ -23,6 +23,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix26 = Eigen::Matrix<double, 2, 6>;
 using Rows3 = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+using Rows4 = Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor>;
 using Rows2 = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 using IntRows3 = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;
 using IntRows2 = Eigen::Matrix<int, Eigen::Dynamic, 2, Eigen::RowMajor>;
@@ -69,6 +70,8 @@ Vector6 motion(const Transform& from, const Transform& to);
 struct Candidate {
     float offset;    // along the normal of the projected edge [px]
     float response;  // signed step of brightness across it
+    // Grey levels, near and farther, on the side that the normal points away from, then on the one that it points to.
+    std::array<float, 4> beside;
 };
 
 constexpr int MAX_CANDIDATES = 3;
@@ -76,6 +79,8 @@ constexpr int MAX_CANDIDATES = 3;
 struct Sample {
     Vector2d point;  // on the projected edge, in the normalised image
     double along;    // from the middle of the visible part, along the tangent [px]
+    int place;       // along the edge of the object, as EdgeMemory counts
+    bool covered = false;  // whether the object's faces look otherwise beside it than remembered
     int count = 0;
     std::array<Candidate, MAX_CANDIDATES> candidates;
 };
@@ -85,11 +90,10 @@ struct VisibleEdge {
     int edge;
     Vector2d normal;
     Vector2d middle;  // of the visible part, in the normalised image
-    double expected;  // length of the whole edge in the image, in samples: how much of it could be seen
+    std::array<bool, 2> on_object{};  // whether the object's own faces are on the two sides, as in Candidate
     std::vector<Sample> samples;
 
     double phi() const { return std::atan2(normal.y(), normal.x()); }
-    double rho() const { return -normal.dot(middle); }
     // A quarter turn from the normal.
     Vector2d tangent() const { return {-normal.y(), normal.x()}; }
 };
@@ -114,6 +118,13 @@ public:
     // Return the visible parts of the edges, sampled every `step` pixels, at least `margin` pixels inside the image.
     std::vector<VisibleEdge> visible_edges(const Transform& T_camera_model, const Camera& camera, int width, int height,
                                            double step, double margin) const;
+    // The image line of an edge: of unit normal, as in VisibleEdge.
+    Vector3d line(int edge, const Transform& T_camera_model) const
+    {
+        const Vector3d moment = (T_camera_model * Vector3d(vertices_.row(edges_(edge, 0))))
+                                    .cross(T_camera_model * Vector3d(vertices_.row(edges_(edge, 1))));
+        return moment / moment.head<2>().norm();
+    }
     const Rows3& vertices() const { return vertices_; }
     const IntRows2& edges() const { return edges_; }
 
@@ -126,9 +137,30 @@ private:
 
 using Image = py::array_t<std::uint8_t, py::array::c_style>;
 
+// How bright the object's own faces are beside its edges: what is in the way has edges, too, and another brightness.
+class EdgeMemory {
+public:
+    static constexpr int PLACES = 24;  // along an edge
+
+    explicit EdgeMemory(int edges) : levels_(edges) {}
+    void forget() { std::fill(levels_.begin(), levels_.end(), decltype(levels_)::value_type{}); }
+    bool allows(const VisibleEdge& edge, const Sample& sample, const Candidate& candidate) const;
+    double ratio(const VisibleEdge& edge, const Sample& sample, const Candidate& candidate) const;
+    void set_gain(std::vector<double>& ratios);
+    void learn(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose, double focal,
+               const std::vector<bool>& agree);
+
+private:
+    struct Level {
+        float mean, deviation;  // zero where nothing is known
+    };
+    std::vector<std::array<std::array<Level, 4>, PLACES>> levels_;
+    double gain_ = 1.0;  // of this image over the memory
+};
+
 // Fill the candidates of each sample from the image.
 void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Camera& camera, int range, double noise,
-                  double gamma, const Eigen::VectorXd& contrast);
+                  double gamma, const Eigen::VectorXd& contrast, EdgeMemory& memory);
 // The standard deviation of the noise of an image [grey levels].
 double image_noise(const Image& image);
 
@@ -147,8 +179,8 @@ PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Tr
                  const Matrix6& prior_information);
 // The pose that fits points seen in the normalised image, each with the same standard deviation.
 PoseFit fit_points(const Rows3& points, const Rows2& seen, double deviation, Transform pose);
-// Of each visible edge: its samples, those with a candidate at the pose, and how many would have one by chance.
-Rows3 edge_support(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose, double focal,
+// Of each visible edge: its samples, those with a candidate at the pose, by chance, and without one but covered.
+Rows4 edge_support(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose, double focal,
                    int range, double tolerance);
 
 }  // namespace plsing::tracking

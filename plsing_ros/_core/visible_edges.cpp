@@ -7,6 +7,7 @@ namespace {
 
 constexpr double NEAR = 1e-3;           // of the depth of the model: what is closer to the focal plane is left out
 constexpr double DEPTH_TOLERANCE = 2e-3;  // a face hides only what is farther by this share
+constexpr double WIDE = 4.0;            // [px] of the middle of a triangle from an edge beside which it is looked at
 constexpr double TRIM = 4.0;            // [px] left out at each end of an edge, where other edges begin
 
 // A triangle in the normalised image, with its inverse depth as a linear function there.
@@ -117,8 +118,14 @@ std::vector<VisibleEdge> EdgeModel::visible_edges(const Transform& T_camera_mode
         VisibleEdge visible;
         visible.edge = static_cast<int>(e);
         visible.normal = moment.head<2>() / depth;
-        visible.expected = count;
         const auto& own = edge_triangles_[e];
+        for (int triangle : own) {
+            const Vector3d middle = (points.row(triangles_(triangle, 0)) + points.row(triangles_(triangle, 1)) +
+                                     points.row(triangles_(triangle, 2))).transpose() / 3.0;
+            const double beside = moment.dot(middle) / (middle.z() * depth) * camera.focal;
+            if (middle.z() > nearest && std::abs(beside) > WIDE)
+                visible.on_object[beside > 0.0] = true;
+        }
         for (int i = 0; i < count; ++i) {
             const double share = count > 1 ? (TRIM + (length - 2.0 * TRIM) * i / (count - 1)) / length : 0.5;
             Sample sample;
@@ -128,6 +135,8 @@ std::vector<VisibleEdge> EdgeModel::visible_edges(const Transform& T_camera_mode
                   pixel.y() <= height - 1 - margin))
                 continue;
             const double inverse = (1.0 - share) / a.z() + share / b.z();
+            const double at = share / (b.z() * inverse);
+            sample.place = std::min(static_cast<int>(at * EdgeMemory::PLACES), EdgeMemory::PLACES - 1);
             bool hidden = false;
             for (const Screen& screen : screens) {
                 if (screen.hides(sample.point, inverse) &&

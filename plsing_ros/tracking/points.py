@@ -17,6 +17,7 @@ from plsing_ros.arrays import Array, BoolArray, cross
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
 from plsing_ros.tracking.camera import PinholeCamera
+from plsing_ros.tracking.faces import FaceMemory
 
 Image = npt.NDArray[np.uint8]
 Pixels = npt.NDArray[np.float32]
@@ -29,6 +30,9 @@ _DEVIATION = 0.35
 _POINTS_PER_INDEPENDENT = 4.0
 # Faces are shrunk by this [px], as what is behind an object moves with it at its rim.
 _RIM = 6
+_LOOK_EACH = 5  # images from one in which points are looked for that something covers to the next
+_SPARSE = 11  # pixels of which one is looked at to tell how bright an image is
+_CELL = 24  # side of a part of the image that gives its share of corners [px]
 _APART = 6  # points from each other [px]
 _BLOCK = 5  # side of what is looked at to find a corner [px]
 # Of the smaller eigenvalue of the squared gradients that noise alone has: less is no corner.
@@ -41,6 +45,8 @@ _MAX_DEVIATION = 4.0  # of their images [px]
 _MIN_FACING = 0.15
 _WINDOW = (13, 13)
 _LEVELS = 3
+# Of a point's surroundings from what they were, in the mean: [grey levels], and in deviations of the image's noise.
+_MAX_UNLIKE, _UNLIKE_BY_NOISE = 12.0, 1.5
 _MARGIN = 48  # of the part of the image that is looked at [px]
 _CRITERIA = (3, 12, 0.02)  # stop after 12 steps, or one below 0.02 px
 
@@ -55,7 +61,7 @@ class PointPose:
         points: Those that agree, in the model frame, shape (k, 3) [m].
         pixels: Where they are in the image, shape (k, 2) [px].
         triangles: Rows of the model's triangles that they lie on, shape (k,).
-        share: Of all that were followed.
+        share: Of all that look as before.
     """
 
     T_camera_model: Pose
@@ -77,6 +83,7 @@ class FacePoints:
         self._model = model
         self._camera = camera
         self._cv = cv
+        self._memory = FaceMemory(model, camera, cv)
         a, b, c = (model.vertices[model.triangles[:, i]] for i in range(3))
         normals = cross(b - a, c - a)
         # Planes of the triangles: normal . point = offset.
@@ -91,6 +98,9 @@ class FacePoints:
         self._triangles: npt.NDArray[np.int_] = np.empty(0, dtype=int)
         self._covariance: Array = np.zeros((6, 6))
         self._taken = 0
+        self._noise = 0.0
+        self._age = 0
+        self._memory.forget()
         self._image: Image | None = None
 
     @property
@@ -116,7 +126,7 @@ class FacePoints:
             return None
         origin = np.array((left, top), dtype=np.float32)
         before, now = self._image[top:bottom, left:right], image[top:bottom, left:right]
-        moved, status, _ = self._cv.calcOpticalFlowPyrLK(
+        moved, status, unlike = self._cv.calcOpticalFlowPyrLK(
             before,
             self._as_bright(before, now),
             self._pixels - origin,
@@ -128,7 +138,7 @@ class FacePoints:
             flags=self._cv.OPTFLOW_USE_INITIAL_FLOW,
             minEigThreshold=1e-3,
         )
-        kept = status.ravel() == 1
+        kept = (status.ravel() == 1) & (unlike.ravel() < _MAX_UNLIKE + _UNLIKE_BY_NOISE * self._noise)
         if kept.sum() < _MIN_POINTS:
             return None
         points, pixels = self._points[kept], (moved + origin)[kept]
@@ -140,7 +150,7 @@ class FacePoints:
             predicted.translation,
         )
         agree = np.array(weights) > 0.2
-        share = float(agree.sum()) / len(self._points)
+        share = float(agree.sum()) / len(points)
         if agree.sum() < _MIN_POINTS or share < _MIN_SHARE or scale * _DEVIATION > _MAX_DEVIATION:
             return None
         own = _POINTS_PER_INDEPENDENT * np.linalg.inv(information + 1e-9 * np.eye(6))
@@ -162,7 +172,7 @@ class FacePoints:
             take: Take new corners where there are too few; the pose must be a good one.
             noise: Standard deviation of the image's noise [grey levels].
         """
-        self._image = image
+        self._image, self._noise = image, noise
         self._covariance = covariance
         self._points = self._points[:0]
         self._pixels, self._triangles = self._pixels[:0], self._triangles[:0]
@@ -174,13 +184,19 @@ class FacePoints:
             self._points = settled
             self._pixels = np.ascontiguousarray(followed.pixels[good], dtype=np.float32)
             self._triangles = followed.triangles[good]
-        if take and self.is_worn:
-            pixels, triangles = self._corners(image, pose, noise)
-            points, good = self._on_faces(pixels, triangles, pose)
-            self._points = np.vstack([self._points, points])
-            self._pixels = np.vstack([self._pixels, pixels[good]])
-            self._triangles = np.concatenate([self._triangles, triangles[good]])
-            self._taken = len(self._points)
+        self._age += 1
+        if take and (self.is_worn or self._age % _LOOK_EACH == 0):
+            self._renew(image, pose, noise)
+
+    def _renew(self, image: Image, pose: Pose, noise: float) -> None:
+        """Drop points that something covers, and take new ones where there are too few."""
+        known = self._taken
+        pixels, triangles = self._corners(image, pose, noise)
+        points, good = self._on_faces(pixels, triangles, pose)
+        self._points = np.vstack([self._points, points])
+        self._pixels = np.vstack([self._pixels, pixels[good]])
+        self._triangles = np.concatenate([self._triangles, triangles[good]])
+        self._taken = len(self._points) if self.is_worn or len(points) else known
 
     def _on_faces(
         self, pixels: npt.NDArray[np.float32], triangles: npt.NDArray[np.int_], T_camera_model: Pose
@@ -213,26 +229,44 @@ class FacePoints:
         for label, row in enumerate(order, 1):
             outline = np.round(pixels[self._model.triangles[row]] - (left, top)).astype(np.int32)
             self._cv.fillConvexPoly(faces, outline, label)
+        part = np.ascontiguousarray(image[top:bottom, left:right])
+        covered = self._memory.covered(part, faces, order, np.array((left, top)), T_camera_model)
+        x, y = np.round(self._pixels - (left, top)).astype(int).T
+        free = covered[np.clip(y, 0, bottom - top - 1), np.clip(x, 0, right - left - 1)] == 0
+        self._points, self._pixels, self._triangles = self._points[free], self._pixels[free], self._triangles[free]
+        if not self.is_worn:
+            return nothing
         inside = np.pad((faces > 0).astype(np.uint8), 1)
         inside = self._cv.erode(inside, np.ones((2 * _RIM + 1,) * 2, np.uint8))[1:-1, 1:-1]
+        inside[covered > 0] = 0
         for x, y in np.round(self._pixels - (left, top)).astype(int):
             self._cv.circle(inside, (int(x), int(y)), _APART, 0, -1)
         room = _MAX_POINTS - len(self._points)
-        part = np.ascontiguousarray(image[top:bottom, left:right])
         # OpenCV's gradients are Sobel's, with 12 times the variance of noise, divided by 4 * 255 and the block's side.
         least = _MIN_CORNER * 12.0 * (noise / (4.0 * 255.0)) ** 2
         inside[self._cv.cornerMinEigenVal(part, _BLOCK) < least] = 0
-        found = self._cv.goodFeaturesToTrack(part, room, 0.02, _APART, mask=inside, blockSize=_BLOCK)
+        found = self._cv.goodFeaturesToTrack(part, 0, 0.02, _APART, mask=inside, blockSize=_BLOCK)
         if found is None:
             return nothing
-        seen = found.reshape(-1, 2)
+        seen = self._spread(found.reshape(-1, 2), self._pixels - np.array((left, top), dtype=np.float32), room)
         columns = np.round(seen).astype(int)
         triangles = order[faces[columns[:, 1], columns[:, 0]] - 1]
         return seen + np.array((left, top), dtype=np.float32), triangles
 
+    def _spread(self, corners: Pixels, known: Pixels, room: int) -> Pixels:
+        """Return corners where there are few known ones, so that each part of the image has its share."""
+        every = np.vstack([known, corners])
+        _, cell = np.unique((every // _CELL).astype(int), axis=0, return_inverse=True)
+        order = np.argsort(cell, kind="stable")
+        rank = np.empty(len(every), dtype=int)
+        rank[order] = np.arange(len(every)) - np.searchsorted(cell[order], cell[order])
+        chosen: Pixels = corners[np.argsort(rank[len(known) :], kind="stable")[:room]]
+        return chosen
+
     def _as_bright(self, before: Image, now: Image) -> Image:
         """Return an image as bright as another one, as a light that changes would mislead."""
-        old, new = float(self._cv.mean(before)[0]), float(self._cv.mean(now)[0])
+        # Of medians, as what comes into the way is no light.
+        old, new = _median(before), _median(now)
         if new < 1.0 or abs(old - new) < 2.0:
             return now
         scaled: Image = self._cv.convertScaleAbs(now, alpha=old / new)
@@ -243,3 +277,9 @@ class FacePoints:
         low = np.clip(np.floor(pixels.min(axis=0)) - margin, 0, size)
         high = np.clip(np.ceil(pixels.max(axis=0)) + margin + 1, 0, size)
         return int(low[1]), int(low[0]), int(high[1]), int(high[0])
+
+
+def _median(image: Image) -> float:
+    """Return the middle grey level of some of the pixels."""
+    pixels = image[::_SPARSE, ::_SPARSE].ravel()
+    return float(np.partition(pixels, len(pixels) // 2)[len(pixels) // 2])

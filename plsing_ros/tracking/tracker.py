@@ -44,13 +44,15 @@ _MIN_GAIN = 0.1
 # What ends a search round a pose, and where it begins in an image after the first.
 _FOUND_EXCESS = 0.8
 _STARTS_PER_IMAGE = 4
+# Of the samples show something else than the object: WEAK beyond, and how many at most do not count.
+_WEAK_COVERED, _MAX_COVERED = 0.25, 0.4
 # WEAK if the standard deviation of the object's position exceeds this share of its radius, LOST beyond all of it.
 _MAX_DEVIATION = 0.3
 _MAX_TURN = math.radians(2.5)  # of the rotation's standard deviation: WEAK beyond
 # Poses that look the same and differ by less cannot be told apart; more with each image without the object [rad].
 _MIN_DOUBT, _DOUBT_PER_LOSS = 0.5, 0.1
 # Errors of edges last for some images: the variance of a pose that is carried on by points grows by this each time.
-_FORGETTING = 1.5
+_FORGETTING = 1.3
 # Lines that agree better than they claim to, image after image, are better. Residuals show this share of deviations;
 # the rest is common to all: the lens, the model, light that is not quite as assumed.
 _SHOWN = 0.8
@@ -58,6 +60,7 @@ _REMEMBERED = 0.9  # of what residuals of former images showed, from one image t
 _CLAIMED = 5.0  # degrees of freedom of residuals as large as claimed that a tracker begins with
 _MIN_SHARE = 0.1  # of the variance that is claimed
 _LEARNING = 0.1
+_REMEMBERED_LOSSES = 30  # images without the object after which its faces may look otherwise
 _MIN_SHARE_OF_USUAL = 0.85  # of the excess that images had until now: less, and something is in the way, or wrong
 _MAX_SCALE = 1.3  # of residuals, beyond which edges contradict each other
 _MIN_SHARE_IF_CONTRADICTED = 0.93  # as _MIN_SHARE_OF_USUAL, where they do and no points confirm the pose
@@ -78,7 +81,7 @@ class _Fit:
     lines: Array  # phi, rho, var phi, cov, var rho, support, contrast, offset of each
     weights: Array
     visible: npt.NDArray[np.int_]
-    counts: Array  # samples, explained and by chance of each visible edge
+    counts: Array  # samples, explained, by chance, and unexplained with something in the way, of each visible edge
     samples: Any  # of the native core: what was found along the edges, and the lines through it
     measured: Any
     by_points_alone: bool = False
@@ -95,6 +98,17 @@ class _Fit:
     def excess(self) -> float:
         """Support beyond chance: 1 where all is explained, about 0 where nothing is."""
         return (self.support - self.chance) / max(1.0 - self.chance, 1e-3)
+
+    @cached_property
+    def covered(self) -> float:
+        """Share that is not explained, and where the object's faces look otherwise than they did."""
+        return float(self._totals[3] / max(self._totals[0], 1.0))
+
+    @cached_property
+    def clear_excess(self) -> float:
+        """Excess of the part that nothing is in the way of, which is most of the object."""
+        support = self.support / (1.0 - min(self.covered, _MAX_COVERED))
+        return (support - self.chance) / max(1.0 - self.chance, 1e-3)
 
     @cached_property
     def freedom(self) -> float:
@@ -127,6 +141,7 @@ class LineTracker:
         cv = _opencv() if use_points else None
         self._points = None if cv is None else FacePoints(model, camera, cv)
         self._contrast = np.zeros(len(model))
+        self._memory = compiled.EdgeMemory(len(model))
         self._last: Pose | None = None  # T_camera_model
         self._trusted: Pose | None = None  # the last one of TRACKING
         self._losses = 0  # images since the last good one
@@ -154,6 +169,7 @@ class LineTracker:
         self._losses = 1
         self._usual = None
         self._contrast[:] = 0.0
+        self._memory.forget()
         if self._points is not None:
             self._points.forget()
 
@@ -199,7 +215,7 @@ class LineTracker:
             other = self._fit(grey, predicted, reach, None)
             if other is not None and (fit is None or self._is_better(predicted, other, fit)):
                 fit, by_points = other, None
-        if self._losses and by_points is None and (fit is None or fit.excess < _FOUND_EXCESS):
+        if self._losses and by_points is None and (fit is None or fit.clear_excess < _FOUND_EXCESS):
             fit = self._search(grey, predicted, fit)
         return self._concluded(grey, predicted, fit, by_points)
 
@@ -213,7 +229,7 @@ class LineTracker:
             other = self._fit(image, start, _SEARCH_RANGES[1:], None)
             if other is not None and (fit is None or other.excess > fit.excess):
                 fit = other
-            if fit is not None and fit.excess >= _FOUND_EXCESS:
+            if fit is not None and fit.clear_excess >= _FOUND_EXCESS:
                 break
         return fit
 
@@ -251,7 +267,9 @@ class LineTracker:
         )
         if not len(visible):
             return None
-        compiled.search_edges(visible, image, camera.numbers, search_range, self._noise, self._gamma, self._contrast)
+        compiled.search_edges(
+            visible, image, camera.numbers, search_range, self._noise, self._gamma, self._contrast, self._memory
+        )
         lines = compiled.fit_edge_lines(visible, camera.focal, search_range)
         rotation, translation, found, scale, chosen, weights, squares = self._core.fit_pose(
             lines, pose.rotation, pose.translation, prior.rotation, prior.translation, information
@@ -277,7 +295,7 @@ class LineTracker:
 
     def _concluded(self, image: Image, predicted: Pose, fit: _Fit | None, points: PointPose | None) -> Tracking:
         needed, found = self._needed(predicted, fit, points)
-        if fit is None or fit.excess < needed:
+        if fit is None or (fit.clear_excess if found else fit.excess) < needed:
             share = 0.0 if fit is None else fit.support
             return self._lost(f"the image explains {share:.0%} of the visible edges")
         contradicted = f"the edges fit one pose {fit.scale:.1f} times worse than each fits its line"
@@ -303,6 +321,11 @@ class LineTracker:
             rows, contrast = fit.edges[good], fit.lines[good, 6]
             before = self._contrast[rows]
             self._contrast[rows] = np.where(before == 0.0, contrast, 0.7 * before + 0.3 * contrast)
+        agree = np.zeros(len(self.model), dtype=bool)
+        agree[fit.edges[good]] = True
+        self._memory.learn(
+            self._core, fit.samples, pose.rotation, pose.translation, self.camera.focal, agree[fit.visible]
+        )
         if self._points is not None:
             growth = 1.0 if fit.by_points_alone else _FORGETTING
             self._points.anchor(image, points, pose, growth * covariance, fit.excess >= _GOOD_EXCESS, self._noise)
@@ -334,7 +357,9 @@ class LineTracker:
 
     def _is_better(self, predicted: Pose, other: _Fit, fit: _Fit) -> bool:
         """Return whether edges alone explain more, and enough to be a pose."""
-        return other.excess > fit.excess + _MIN_GAIN and other.excess >= self._needed(predicted, other, None)[0]
+        needed, found = self._needed(predicted, other, None)
+        evidence = other.clear_excess if found else other.excess
+        return other.excess > fit.excess + _MIN_GAIN and evidence >= needed
 
     def _moved(self, a: Pose, b: Pose) -> float:
         """Return how far the object moved in the image, the most of its vertices [px]."""
@@ -378,6 +403,8 @@ class LineTracker:
                 TrackingState.WEAK,
                 f"the image explains {fit.support:.0%} of the visible edges, fewer than until now",
             )
+        if fit.covered > _WEAK_COVERED:
+            return TrackingState.WEAK, f"something is in the way of {fit.covered:.0%} of the visible edges"
         if fit.scale > _MAX_SCALE:
             return TrackingState.WEAK, contradicted
         if deviation > _MAX_DEVIATION * self.model.radius:
@@ -435,6 +462,8 @@ class LineTracker:
 
     def _lost(self, reason: str) -> Tracking:
         self._losses += 1
+        if self._losses > _REMEMBERED_LOSSES:
+            self._memory.forget()
         self._doubt = min(self._doubt + _DOUBT_PER_LOSS, math.pi + 0.1)
         n = len(self.model)
         nothing = LineObservation(self.model.ids, np.zeros((n, 3)), np.zeros(n, dtype=bool))

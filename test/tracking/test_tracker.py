@@ -11,6 +11,7 @@ from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import project_lines
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
+from plsing_ros.simulation.polygon_renderer import PolygonRenderer
 from plsing_ros.tracking import LineTracker, PinholeCamera, TrackingState
 
 pytest.importorskip("cv2")
@@ -68,6 +69,52 @@ def test_edges_that_contradict_each_other_are_said_to():
         if result.state == TrackingState.TRACKING:
             assert error(result.T_world_camera, orbit(k))[0] < 5e-3, k
     assert result.state == TrackingState.TRACKING
+
+
+@pytest.mark.parametrize(("before", "now"), [(-0.008, 0.004), (0.0, 0.006), (-0.004, 0.01), (0.004, 0.012)])
+def test_two_edges_do_not_rest_on_one_step_of_the_image(before, now):
+    """A camera that comes out of a face's plane sees two edges side by side: both on one line is a pose, and wrong."""
+    for seed in (0, 3, 7, 10):
+        random = np.random.default_rng(seed)
+        lights = tuple(random.permutation(np.linspace(0.12, 0.85, 6)))
+        drawing = PolygonRenderer(box(), CAMERA, lights, 0.02)
+        poses = [Pose.look_at((0.06 + out, 0.4, 0.2), (0.0, 0.0, 0.0)) for out in (before, now)]
+        images = [drawing.render(pose.inverse(), 1.0, random) for pose in poses]
+        result = followed(LineTracker(box(), CAMERA), images, poses[0])[-1]
+        assert result.state != TrackingState.LOST
+        off = result.T_world_camera.translation - poses[-1].translation
+        assert off @ np.linalg.solve(result.covariance[:3, :3], off) < 25.0, (seed, 1e3 * np.linalg.norm(off))
+
+
+def covered(image, pose, share, across, level, texture):
+    """Cover a share of what is seen of the box: from one side, or in the middle if negative; grey, or painted."""
+    corners = box().vertices @ pose.inverse().rotation.T + pose.inverse().translation
+    low, high = (CAMERA.project(corners).min(axis=0), CAMERA.project(corners).max(axis=0))
+    begin = low[across] - 3.0 if share > 0.0 else 0.5 * (low + high + share * (high - low))[across]
+    end = begin + abs(share) * (high - low)[across]
+    place: list[slice] = [slice(int(a) - 3, int(b) + 4) for a, b in zip(low[::-1], high[::-1], strict=True)]
+    place[1 - across] = slice(int(begin), int(end))
+    result = image.copy()
+    rows, columns = np.mgrid[place[0], place[1]] - np.reshape([place[0].start, place[1].start], (2, 1, 1))
+    result[tuple(place)] = level + 60 * ((rows // 9 + columns // 9) % 2) if texture else level
+    return result
+
+
+@pytest.mark.parametrize(("share", "across"), [(0.25, 0), (0.25, 1), (-0.25, 0)])
+@pytest.mark.parametrize("patches", [0, 25])
+def test_what_is_in_the_way_is_not_taken_for_the_object(share, across, patches):
+    """A cover that goes with the object has edges of its own, near and parallel to the object's, and corners."""
+    drawing, random = renderer(patches=patches, background=0.02), np.random.default_rng(4)
+    for level, texture in ((30, False), (120, True)):
+        tracker = LineTracker(box(), CAMERA)
+        for k in range(45):
+            image = drawing.render(orbit(k).inverse(), 2.0, random)
+            if k >= 5:
+                image = covered(image, orbit(k), share, across, level, texture)
+            result = tracker.track(image, orbit(0) if k == 0 else None)
+            if result.state == TrackingState.TRACKING:
+                off = error(result.T_world_camera, orbit(k))
+                assert off[0] < 0.02, (k, level, off, np.sqrt(np.trace(result.covariance[:3, :3])))
 
 
 @pytest.mark.parametrize(("patches", "noise", "followed_points"), [(0, 3.0, False), (0, 8.0, False), (25, 8.0, True)])
