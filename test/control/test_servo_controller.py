@@ -364,7 +364,7 @@ def test_estimated_lines_are_trusted_as_far_as_they_say(verdict, values, mode, s
     command = servo_for(*SCENE, **values).answer(seen, NOW, NOW)
     assert command.mode is mode
     if mode is Mode.HALTED:
-        assert command.reason == f"3-D lines are {verdict.name}: two poses fit"
+        assert verdict.name in command.reason and "two poses fit" in command.reason
     else:
         np.testing.assert_allclose(command.twist, scale * plain)
         assert command.scale == scale

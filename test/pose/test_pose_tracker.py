@@ -57,7 +57,7 @@ def test_without_a_pose_the_image_goes_on_without_3d_lines_and_says_why():
     assert "2 usable line(s)" in tracked.estimate.reason
     assert tracked.completed.lines_camera is None and tracked.completed.usable_ids == few.usable_ids
     assert tracked.completed.verdict is LinesVerdict.POOR
-    assert tracked.completed.verdict_reason == f"no pose: {tracked.estimate.reason}"
+    assert tracked.estimate.reason in tracked.completed.verdict_reason
 
 
 @pytest.mark.parametrize(
