@@ -46,8 +46,9 @@ class Departure:
         self._mean: Array = np.zeros((0, 7))
         # Where the camera is by the image, seen from where the pose puts it; J and r are taken there.
         self._delta: Array = np.zeros(6)
-        # How far from the target the camera was when it began, and whether it was seen to be farther [m].
-        self._began: float | None = None
+        # Where the camera began by the pose, how far from the target by the image then [m], and whether it was farther.
+        self._first: Array | None = None
+        self._began = 0.0
         self._led_away = self._paused = False
 
     def pause(self) -> None:
@@ -96,7 +97,7 @@ class Departure:
             self.scale = min(1.0, left / limit + _LEAST)
             information = normal + self.scale * _WIDE * known
             self._delta = np.asarray(np.linalg.solve(information, right), dtype=float)
-        self._watch(composed(told, self._delta)[:3], self.scale * np.linalg.inv(information)[:3, :3])
+        self._watch(told, self.scale * np.linalg.inv(information)[:3, :3], pose[:3, :3])
         if not self._led_away:
             return 0.0
         explained = float(right @ self._delta) - float(right @ np.linalg.solve(normal + self.scale * known, right))
@@ -109,14 +110,28 @@ class Departure:
             self._delta, there = np.zeros(6), seen
         return np.column_stack([there.J, there.r + there.J @ self._delta])
 
-    def _watch(self, position: Array, covariance: Array) -> None:
-        """Take note of where the camera is by the image, seen from the target, shapes (3,) [m] and (3, 3)."""
+    def _watch(self, told: Array, covariance: Array, pose: Array) -> None:
+        """Take note of where the camera is by the image.
+
+        Args:
+            told: By the pose, as a twist, shape (6,).
+            covariance: Of the image's word, shape (3, 3) [m^2].
+            pose: Of the position in told, shape (3, 3) [m^2].
+        """
+        position = composed(told, self._delta)[:3]
         variances, axes = np.linalg.eigh(covariance)
-        along, unsure = np.abs(axes.T @ position), _DEVIATIONS * np.sqrt(np.maximum(variances, 0.0))
-        at_least = float(np.linalg.norm(np.maximum(along - unsure, 0.0)))
-        if self._began is None:
-            self._began = float(np.linalg.norm(position))
-        elif self._paused:
-            self._began = max(self._began, at_least)
+        unsure = _DEVIATIONS * np.sqrt(np.maximum(variances, 0.0))
+        at_least = float(np.linalg.norm(np.maximum(np.abs(axes.T @ position) - unsure, 0.0)))
+        if self._first is None:
+            self._first, self._began = told, float(np.linalg.norm(position))
+        # What the image says now of where the camera began is off by the same: less of it counts in the difference.
+        began = composed(self._first, self._delta)[:3]
+        here, there = (each / max(float(np.linalg.norm(each)), _LEAST) for each in (position, began))
+        variance = (here - there) @ covariance @ (here - there) + here @ pose @ here + there @ pose @ there
+        farther = float(np.linalg.norm(position) - np.linalg.norm(began)) > _DEVIATIONS * math.sqrt(float(variance))
+        if farther or at_least > self._began:
+            if self._paused:
+                self._first, self._began = told, max(self._began, at_least)
+            else:
+                self._led_away = True
         self._paused = False
-        self._led_away = self._led_away or at_least > self._began
