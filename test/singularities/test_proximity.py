@@ -44,9 +44,12 @@ def test_z_and_distance_are_those_of_finite_differences(lines, center):
     singular = singular_set(measured)
     frame = SceneFrame.of(measured)
     away = np.linalg.norm(np.cross(measured.direction, measured.point - center), axis=1).min()
+    # A row of a line that the camera touches has no direction.
+    if away < 0.05 * frame.length or away < 1e-6:
+        return
     values = singular_values(measured.direction, measured.point / frame.length, center / frame.length)
     # Where two singular values are as good as equal, neither has a derivative.
-    if away < 0.05 * frame.length or (values[:-1] - values[1:]).min() < 1e-3 or values[5] < 1e-4:
+    if (values[:-1] - values[1:]).min() < 1e-3 or values[5] < 1e-4:
         return
     found = singular.proximity(center)
     pivot, direction, scaled = measured.pivot / frame.length, measured.direction, center / frame.length
