@@ -11,19 +11,14 @@ from scipy.special import chdtri
 from plsing_ros.arrays import Array
 from plsing_ros.control.displacement import composed
 from plsing_ros.control.image_mismatch import ImageMismatch, whitened
+from plsing_ros.control.pose_doubt import DOUBTFUL, MEMORY, OF_A_POSE
 
-# A share of each frame in the mean: twenty frames or so are remembered.
-_MEMORY = 0.05
-# Degrees of freedom of a pose.
-_OF_A_POSE = 6
 # How sure it is that the errors of the image are not larger than what the best pose leaves of it says.
 _SURE = 0.95
-# The least variance of the image over what is said.
+# The least variance of the image over what is said, singular value of J over the largest, and distance [m].
 _LEAST = 1e-6
 # A pose may be off by ten times what its covariance says where the image does not tell.
 _WIDE = 0.01
-# A pose is doubted when the image explains more than this times what its covariance allows.
-_DOUBTFUL = 2.0
 # The camera is as far away as the image shows beyond so many standard deviations.
 _DEVIATIONS = 2.0
 # Steps to where the image puts the camera: the first is only right for a pose that is a little wrong. A step must take
@@ -73,11 +68,11 @@ class Departure:
 
         Source: new, docs/pose_laws.md.
         """
-        spare = len(seen.r) - _OF_A_POSE
+        spare = len(seen.r) - OF_A_POSE
         if spare <= 0:
             return 0.0
         self._frames += 1
-        share = max(_MEMORY, 1.0 / self._frames)
+        share = max(MEMORY, 1.0 / self._frames)
         self._variance = (1.0 - share) ** 2 * self._variance + share**2
         covariances, known = self._variance * own + lasting, np.linalg.inv(pose)
         left, limit, before = math.inf, float(chdtri(spare, _SURE)), self._mean
@@ -101,7 +96,7 @@ class Departure:
         if not self._led_away:
             return 0.0
         explained = float(right @ self._delta) - float(right @ np.linalg.solve(normal + self.scale * known, right))
-        return max(0.0, explained / (_OF_A_POSE * self.scale) - _DOUBTFUL)
+        return max(0.0, explained / (OF_A_POSE * self.scale) - DOUBTFUL)
 
     def _taken_there(self, seen: ImageMismatch) -> Array:
         """Return J and r of a frame, taken where the image puts the camera but as functions of delta, shape (2n, 7)."""

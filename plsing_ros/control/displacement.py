@@ -7,7 +7,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.geometry.rotations import exponential, rotation_vector
+from plsing_ros.geometry.rotations import exponential, rotation_vector, twist_exponential
 
 
 def composed(first: Array, second: Array) -> Array:
@@ -17,17 +17,11 @@ def composed(first: Array, second: Array) -> Array:
         first: Straight and about one axis, its shift in the frame that it leads to, shape (6,).
         second: Seen from where the first has led, shape (6,).
     """
-    rotation, turned = exponential(first[3:])[0], exponential(second[3:])[0]
-    shift = turned.T @ (first[:3] + _shift(second))
-    return np.concatenate([shift, rotation_vector(rotation @ turned)])
+    turned, moved = twist_exponential(second)
+    shift = turned.T @ (first[:3] + moved)
+    return np.concatenate([shift, rotation_vector(exponential(first[3:])[0] @ turned)])
 
 
 def moved_lines(lines: LineSet, twist: Array) -> LineSet:
     """Return lines of the camera frame as they are seen from where a twist leads, shape (6,)."""
-    return lines.transformed(Pose(exponential(twist[3:])[0], _shift(twist)).inverse(), lines.frame)
-
-
-def _shift(twist: Array) -> Array:
-    """Return the translation of exp(twist), shape (3,)."""
-    shift: Array = exponential(twist[3:])[1] @ twist[:3]
-    return shift
+    return lines.transformed(Pose(*twist_exponential(twist)).inverse(), lines.frame)

@@ -29,8 +29,14 @@ class ImageMismatch:
             taught: The mismatch at the target, shape (2n,).
         """
         self._lines, self._image, self._taught = lines, image, taught
-        self.r = mismatch(image, lines) - taught
-        self.J = polar(interaction_matrix(lines), project_lines(lines))
+        projected = project_lines(lines)
+        self.r = compare_image_lines(image, projected) - taught
+        self.J = polar(interaction_matrix(lines), projected)
+
+    @property
+    def rows(self) -> Array:
+        """J and r side by side, shape (2n, 7)."""
+        return np.column_stack([self.J, self.r])
 
     def seen_from(self, twist: Array) -> ImageMismatch | None:
         """Return the mismatch if the camera were where a twist leads in unit time; None if a line has no image there.

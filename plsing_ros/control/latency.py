@@ -12,7 +12,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.features import project_lines
 from plsing_ros.features.projection import have_images
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.geometry.rotations import exponential
+from plsing_ros.geometry.rotations import twist_exponential
 
 _SECOND = 1_000_000_000
 # More twists are never under way at once.
@@ -130,6 +130,4 @@ class FeatureAge:
 
 
 def _motion(twist: Array, held: int) -> _Motion:
-    seconds = held / _SECOND
-    rotation, mean = exponential(seconds * twist[3:])
-    return _Motion(held, rotation, mean @ (seconds * twist[:3]))
+    return _Motion(held, *twist_exponential(held / _SECOND * twist))

@@ -10,16 +10,16 @@ import numpy as np
 from plsing_ros.arrays import Array
 
 # A share of each frame in what is known of the errors: twenty frames or so are remembered.
-_MEMORY = 0.05
+MEMORY = 0.05
 # A pose is doubted when the image explains more than this times what its covariance allows.
-_DOUBTFUL = 2.0
+DOUBTFUL = 2.0
 # More at first, for chance averages out with the root of the frames: less than one in a million is more than this.
 _AT_FIRST = 4.0
 # What is left of a doubt after a frame that shows nothing of it: hundreds of frames until a pose is trusted again.
 _TRUST_AGAIN = 0.002
 _NO_DOUBT = 0.05
 # Degrees of freedom of a pose.
-_OF_A_POSE = 6.0
+OF_A_POSE = 6
 # What is said of lasting errors of the image counts as much as so many degrees of freedom that the image shows.
 _SAID = 1.0
 
@@ -39,28 +39,29 @@ class PoseDoubt:
         # Not forgotten where the image shows less of it.
         self._doubt = 0.0
 
-    def update(self, J: Array, r: Array, pose: Array) -> float:
+    def update(self, rows: Array, pose: Array) -> float:
         """Learn from a frame, and return by how much more than its covariance allows the pose is off; 0 if it is not.
 
         What the best pose leaves of r speaks against the image, what a pose explains beyond its covariance against it.
 
         Args:
-            J, r: Of the mismatch, whitened by what is said of the image, shapes (2n, 6) and (2n,).
+            rows: J and r of the mismatch, whitened by what is said of the image, shape (2n, 7).
             pose: Covariance of what a pose may explain, shape (6, 6).
 
         Source: new, docs/pose_laws.md.
         """
+        J, r = rows[:, :6], rows[:, 6]
         normal, right, square = J.T @ J, J.T @ r, float(r @ r)
         known = np.linalg.inv(pose)
         left = square - float(right @ np.linalg.solve(normal + 1e-6 * known, right))
         explained = square - float(right @ np.linalg.solve(normal + known, right)) - left
-        seen = left / max(len(r) - _OF_A_POSE, 1.0)
-        self.noise = max(1.0, self.noise + _MEMORY * (seen - self.noise))
+        seen = left / max(len(r) - OF_A_POSE, 1.0)
+        self.noise = max(1.0, self.noise + MEMORY * (seen - self.noise))
         self._frames += 1
         # The mean of the first frames, then of the latest.
-        share = max(_MEMORY, 1.0 / self._frames)
-        self.calibration += share * ((_SAID + left) / (_SAID + max(len(r) - _OF_A_POSE, 0.0)) - self.calibration)
-        self._explained += share * (explained / (_OF_A_POSE * self.noise) - self._explained)
-        excess = self._explained - _DOUBTFUL - _AT_FIRST / math.sqrt(self._frames)
+        share = max(MEMORY, 1.0 / self._frames)
+        self.calibration += share * ((_SAID + left) / (_SAID + max(len(r) - OF_A_POSE, 0.0)) - self.calibration)
+        self._explained += share * (explained / (OF_A_POSE * self.noise) - self._explained)
+        excess = self._explained - DOUBTFUL - _AT_FIRST / math.sqrt(self._frames)
         self._doubt = max(0.0, excess, self._doubt * (1.0 - _TRUST_AGAIN))
         return self._doubt if self._doubt > _NO_DOUBT else 0.0

@@ -97,7 +97,7 @@ class PoseLaws:
         Raises:
             ObservationError: If they do not fix a pose.
 
-        Source: position-based control; the rotation is Kabsch's, docs/laws.md.
+        Source: position-based control; the rotation is Kabsch's, docs/pose_laws.md.
         """
         self._look_at(lines.ids)
         try:
@@ -121,7 +121,8 @@ class PoseLaws:
 
         The errors of one frame are averaged by the camera's motion, those of the map and of the frame that showed the
         target are not: R and P are the sums of what is left of either. A pose that the image contradicts beyond its
-        covariance is doubted: P grows, and motions that only such a pose asks for are not made.
+        covariance, or that led the camera farther away than where it began, is doubted: P grows, and motions that only
+        such a pose asks for are not made.
 
         Args:
             lines: As for by_pose.
@@ -136,7 +137,7 @@ class PoseLaws:
         Raises:
             ObservationError: As by_pose.
 
-        Source: new, docs/laws.md.
+        Source: new, docs/pose_laws.md.
         """
         P, told = pose.covariance, self.by_pose(lines, pose.covariance)
         if self._computed and not pose.independent:
@@ -147,7 +148,7 @@ class PoseLaws:
         shown = 0.0 if self._computed else 1.0
         seen, may_explain = ImageMismatch(lines, image, self._taught), (1.0 + shown) * P
         J, r = seen.J, seen.r
-        doubt = self._doubt.update(whitened(J, own + lasting), whitened(r, own + lasting), may_explain)
+        doubt = self._doubt.update(whitened(seen.rows, own + lasting), may_explain)
         led_away = self._departure.update(seen, own, lasting, may_explain, told.twist)
         believed = ((averaged if pose.independent else 1.0) + shown) * P
         if max(doubt, led_away) == 0.0:
@@ -220,8 +221,8 @@ def _doubted(seen: ImageMismatch, told: Array, weights: Array, believed: Array, 
 
 def _information(J: Array, r: Array, covariances: Array) -> tuple[Array, Array]:
     """Return J^T R^-1 J and J^T R^-1 r."""
-    J, r = whitened(J, covariances), whitened(r, covariances)
-    return J.T @ J, J.T @ r
+    rows = whitened(np.column_stack([J, r]), covariances)
+    return rows[:, :6].T @ rows[:, :6], rows[:, :6].T @ rows[:, 6]
 
 
 def _propagated(J: Array, weights: Array, information: Array, own: Array, pose: Array) -> Array:

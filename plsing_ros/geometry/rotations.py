@@ -83,6 +83,16 @@ def exponential(vector: Array) -> tuple[Array, Array]:
     return combined(first, second), combined(second, third)
 
 
+def twist_exponential(twist: Array) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and translation (3,) of exp([twist]): the motion of a frame by a twist for unit time.
+
+    Args:
+        twist: (v, omega) of the frame in its own coordinates, shape (6,) [m, rad].
+    """
+    rotation, mean = exponential(twist[3:])
+    return rotation, mean @ twist[:3]
+
+
 def turned_covariance(covariance: Array, rotation: Array) -> Array:
     """Return the covariance, shape (6, 6), of a position and a rotation in other axes.
 
