@@ -41,7 +41,7 @@ _WANTED_LEAD = 0.5  # [s]
 
 
 @dataclass(frozen=True)
-class _Replay:
+class _AlertReplay:
     number: int
     task: Task
     rotation: np.ndarray
@@ -73,9 +73,9 @@ def study(
     print(_report(replays, seed, runs, alerts), flush=True)
 
 
-def _replay(number: int, task: Task, runs: Runs, noise: float, target_known: bool, with_pose: bool) -> _Replay:
+def _replay(number: int, task: Task, runs: Runs, noise: float, target_known: bool, with_pose: bool) -> _AlertReplay:
     n = runs.frames[number]
-    return _Replay(
+    return _AlertReplay(
         number,
         task,
         runs.rotation[:n, number].copy(),
@@ -87,7 +87,7 @@ def _replay(number: int, task: Task, runs: Runs, noise: float, target_known: boo
     )
 
 
-def _first_alert(replay: _Replay) -> tuple[int, str] | None:
+def _first_alert(replay: _AlertReplay) -> tuple[int, str] | None:
     """Return the frame of the first WARN or above, and its reason."""
     lines = replay.task.lines
     monitor = SingularityMonitor.from_parameters(
@@ -126,7 +126,7 @@ def _first_alert(replay: _Replay) -> tuple[int, str] | None:
     return None
 
 
-def _report(replays: list[_Replay], seed: int, runs: Runs, alerts: list[tuple[int, str] | None]) -> str:
+def _report(replays: list[_AlertReplay], seed: int, runs: Runs, alerts: list[tuple[int, str] | None]) -> str:
     blew_up = runs.blew_up
     first = np.array([np.inf if alert is None else alert[0] for alert in alerts])
     lead = (runs.frames - 1 - first) * TIME_STEP

@@ -19,7 +19,7 @@ from benchmark.alert_settings import (
     monitor_parameters,
     with_other_errors,
 )
-from benchmark.servo_conditions import HALF_VIEW, ROBOT_LIMITS, Camera, view_of
+from benchmark.servo_conditions import HALF_VIEW, ROBOT_LIMITS, DisturbedCamera, view_of
 from plsing_ros.control.servo_controller import ServoController
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation
@@ -124,14 +124,14 @@ def record_of(condition: str, seed: int, true_every: int, number: int) -> Record
     setting = draw_setting(condition, seed, number)
     record = watched_run(setting, condition, seed, number)
     if condition == "harsh" and true_every and number % true_every == 0:
-        others = [_Run(with_other_errors(setting, i), setting.seed + 1 + i).unwatched() for i in range(_TRUE_RUNS)]
+        others = [_AlertRun(with_other_errors(setting, i), setting.seed + 1 + i).unwatched() for i in range(_TRUE_RUNS)]
         record.true_share = sum(each is not Harm.NONE for each in others) / _TRUE_RUNS
     return record
 
 
 def watched_run(setting: Setting, condition: str, seed: int, number: int) -> Record:
     """Make one run with the monitor watching."""
-    return _Run(
+    return _AlertRun(
         setting,
         setting.seed,
         Record(
@@ -149,13 +149,13 @@ def watched_run(setting: Setting, condition: str, seed: int, number: int) -> Rec
     ).watched()
 
 
-class _Run:
+class _AlertRun:
     """One task from its start to arrival, harm or the deadline."""
 
     def __init__(self, setting: Setting, seed: int, record: Record | None = None) -> None:
         self._setting, self._record = setting, record
         self._rng = np.random.default_rng(seed)
-        self._camera = Camera(setting.task, setting.condition, self._rng)
+        self._camera = DisturbedCamera(setting.task, setting.condition, self._rng)
         self._controller = ServoController.from_parameters(controller_parameters(setting))
         self._monitor = None if record is None else SingularityMonitor.from_parameters(monitor_parameters(setting))
         self._tracker = PoseTracker(estimator_parameters(setting)) if setting.chain else None

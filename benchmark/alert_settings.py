@@ -16,7 +16,7 @@ from benchmark.servo_conditions import (
     HALF_VIEW,
     ROBOT_LIMITS,
     Condition,
-    ServoTask,
+    SegmentTask,
     draw_task,
     view_of,
 )
@@ -48,7 +48,7 @@ class Setting:
     """
 
     condition: Condition
-    task: ServoTask
+    task: SegmentTask
     kind: str
     law: str
     rate: float
@@ -98,7 +98,7 @@ def with_other_errors(setting: Setting, number: int) -> Setting:
     return replace(setting, task=replace(task, ends=ends, focal_factor=factor))
 
 
-def _on_transversal(task: ServoTask) -> Pose:
+def _on_transversal(task: SegmentTask) -> Pose:
     """Return the start moved onto the line that all observed lines meet, where it is nearest."""
     # All lines meet the axis: its Plücker vector is the null vector of the reciprocal product with them.
     lines = task.map

@@ -17,7 +17,7 @@ _FAR = 1e6  # [m]
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class DisturbedTask:
     """A task, its constant errors, and the singular sets of its lines: as the controller knows them, and the true."""
 
     task: Task
@@ -64,7 +64,7 @@ class Batch:
     taught: bool
 
     @classmethod
-    def of(cls, cases: Sequence[Case], taught: bool = False) -> Batch:
+    def of(cls, cases: Sequence[DisturbedTask], taught: bool = False) -> Batch:
         """Collect tasks."""
         k, m = len(cases), max(len(case.task.lines) for case in cases)
         weight = np.zeros((k, m))

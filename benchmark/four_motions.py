@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmark.servo_conditions import Condition, ServoTask, completed_task, looking, sees_enough, segments
+from benchmark.servo_conditions import Condition, SegmentTask, completed_task, looking, sees_enough, segments
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.rotations import exponential
 
 MOTIONS = ("optical axis, turn", "optical axis, shift", "camera y, turn", "scene, turn")
 
 
-def draw_motion(rng: np.random.Generator, condition: Condition, kind: int) -> ServoTask:
+def draw_motion(rng: np.random.Generator, condition: Condition, kind: int) -> SegmentTask:
     """Return a random task of one of the four kinds, with a generic scene."""
     while True:
         distance = float(rng.uniform(1.0, 4.0))

@@ -24,7 +24,7 @@ ARRIVED, TURNED = 1e-3, np.radians(0.1)  # [m], [rad]
 
 
 @dataclass(eq=False)
-class Outcome:
+class BatchOutcome:
     """What became of k runs, each until it arrived (if it was to stop there) or time was up.
 
     Attributes:
@@ -62,7 +62,7 @@ def run(
     last: float = 5.0,
     stop: bool = True,
     keep: bool = False,
-) -> Outcome:
+) -> BatchOutcome:
     """Run all tasks.
 
     Args:
@@ -97,7 +97,9 @@ def run(
     squares, turn_squares, counted = np.zeros(k), np.zeros(k), 0
     rng = np.random.default_rng(seed)
     alive = np.ones(k, dtype=bool)
-    result = Outcome(arrived, time_taken, peak, peak_turn, length, farthest, kept, squares, turn_squares, np.zeros(k))
+    result = BatchOutcome(
+        arrived, time_taken, peak, peak_turn, length, farthest, kept, squares, turn_squares, np.zeros(k)
+    )
     for step in range(steps):
         distance = np.linalg.norm(t - batch.t_target, axis=1)
         turn = _angle(batch.R_target, R)

@@ -29,9 +29,9 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
-from benchmark.batch_simulation import Batch, Case
+from benchmark.batch_simulation import Batch, DisturbedTask
 from benchmark.constant_errors import ErrorSizes, task_errors
-from benchmark.law_batches import ARRIVED, TIME_STEP, TURNED, Outcome, noisy, run
+from benchmark.law_batches import ARRIVED, TIME_STEP, TURNED, BatchOutcome, noisy, run
 from benchmark.law_variants import LAWS, LIMITS, Law
 from benchmark.servo_tasks import random_task
 from plsing_ros.control.servo_controller import ServoController
@@ -83,28 +83,30 @@ def study(
         print(_comparison(few, laws, noise, seed, taught), flush=True)
 
 
-def _run(job: tuple[Batch, Law, float, float, int, bool]) -> Outcome:
+def _run(job: tuple[Batch, Law, float, float, int, bool]) -> BatchOutcome:
     batch, law, seconds, noise, seed, stop = job
     return run(batch, law, seconds, noise, seed, stop=stop)
 
 
-def _prepared(seed: int, sizes: ErrorSizes, number: int) -> tuple[Case, Plan, float]:
+def _prepared(seed: int, sizes: ErrorSizes, number: int) -> tuple[DisturbedTask, Plan, float]:
     task = random_task(seed, number)
     errors = task_errors(sizes, seed, number, task)
     true = singular_set(task.lines)
     known = true if errors.map is task.lines else singular_set(errors.map)
     begin = time.process_time()
     plan = plan_path(known, task.start, task.target, DetourOptions())
-    return Case(task, errors, known, true), plan, time.process_time() - begin
+    return DisturbedTask(task, errors, known, true), plan, time.process_time() - begin
 
 
-def _success(outcome: Outcome, stop: bool) -> np.ndarray:
+def _success(outcome: BatchOutcome, stop: bool) -> np.ndarray:
     if stop:
         return outcome.arrived
     return (outcome.final_distance <= _HELD) & (outcome.final_turn <= _HELD_TURN)
 
 
-def _report(batch: Batch, laws: tuple[Law, ...], outcomes: list[Outcome], noise: float, floor: Outcome | None) -> str:
+def _report(
+    batch: Batch, laws: tuple[Law, ...], outcomes: list[BatchOutcome], noise: float, floor: BatchOutcome | None
+) -> str:
     """Return a table in Markdown, a row for each law."""
     stop = floor is None
     straight = np.maximum(np.linalg.norm(batch.t - batch.t_target, axis=1), 1e-9)
@@ -166,7 +168,7 @@ def _quantiles(values: np.ndarray, which: tuple[float, ...]) -> str:
     return " / ".join(f"{value:.3g}" for value in np.quantile(values, which))
 
 
-def _comparison(cases: Sequence[Case], laws: tuple[Law, ...], noise: float, seed: int, taught: bool) -> str:
+def _comparison(cases: Sequence[DisturbedTask], laws: tuple[Law, ...], noise: float, seed: int, taught: bool) -> str:
     """Return how far the package's own controller gets from these runs, with the same noise, until they arrive."""
     text = [
         f"\nlargest distance to the package's controller, over the path gone where that is above 1 m, in {len(cases)} "
@@ -186,7 +188,7 @@ def _comparison(cases: Sequence[Case], laws: tuple[Law, ...], noise: float, seed
     return "\n".join(text)
 
 
-def _by_controller(case: Case, law: Law, drawn: np.ndarray, taught: bool) -> np.ndarray:
+def _by_controller(case: DisturbedTask, law: Law, drawn: np.ndarray, taught: bool) -> np.ndarray:
     """Return the camera centres of a run by the package's controller, shape (steps, 3) [m].
 
     Args:
@@ -217,7 +219,7 @@ def _by_controller(case: Case, law: Law, drawn: np.ndarray, taught: bool) -> np.
     return np.reshape(centers, (-1, 3))
 
 
-def _seen(case: Case, pose: Pose, noise: np.ndarray) -> LineSet:
+def _seen(case: DisturbedTask, pose: Pose, noise: np.ndarray) -> LineSet:
     true = case.task.lines.transformed(pose.inverse(), "camera")
     return LineSet(*noisy(true.direction, case.errors.depth * true.moment, noise), "camera", true.ids)
 

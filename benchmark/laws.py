@@ -26,8 +26,8 @@ import numpy as np
 
 from benchmark.four_motions import MOTIONS, draw_motion
 from benchmark.rivals import RIVALS
-from benchmark.servo_conditions import CONDITIONS, HALF_VIEW, NOMINAL, Condition, ServoTask, draw_task
-from benchmark.servo_loop import Contender, Outcome, run
+from benchmark.servo_conditions import CONDITIONS, HALF_VIEW, NOMINAL, Condition, SegmentTask, draw_task
+from benchmark.servo_loop import Contender, RunOutcome, run
 
 SEED = 1
 TASKS = 340
@@ -59,7 +59,7 @@ CONTENDERS = {
 # The textbook's position-based law gives what `position` gives.
 STUDIED = tuple(name for name in CONTENDERS if name != "position-based")
 
-Runs = dict[str, dict[int, dict[str, Outcome]]]
+Runs = dict[str, dict[int, dict[str, RunOutcome]]]
 
 
 def main(quick: bool = False) -> None:
@@ -95,11 +95,11 @@ def load(file: Path | None, seed: int) -> Runs:
         for line in file.read_text().splitlines():
             of_seed, name, number, law, outcome = json.loads(line)
             if of_seed == seed:
-                runs.setdefault(name, {}).setdefault(number, {})[law] = Outcome(**outcome)
+                runs.setdefault(name, {}).setdefault(number, {})[law] = RunOutcome(**outcome)
     return runs
 
 
-def task_of(condition: str, seed: int, number: int) -> ServoTask:
+def task_of(condition: str, seed: int, number: int) -> SegmentTask:
     """Return a task of a condition, always the same."""
     rng, chosen = np.random.default_rng([seed, number]), LAW_CONDITIONS[condition]
     motion = condition == _MOTIONS
@@ -113,7 +113,7 @@ def is_crossing(condition: str, number: int) -> bool:
     return condition != _MOTIONS and number % 3 != 2
 
 
-def _contender(law: str, task: ServoTask) -> Contender:
+def _contender(law: str, task: SegmentTask) -> Contender:
     chosen = CONTENDERS[law]
     if "adaptive gain" in law:
         # As ViSP's examples have it: four times the gain near the target.
@@ -134,7 +134,7 @@ def print_tables(runs: Runs, laws: Sequence[str]) -> None:
                 _print_motions(by_number, there)
 
 
-def _print(condition: str, runs: dict[str, dict[int, Outcome]]) -> None:
+def _print(condition: str, runs: dict[str, dict[int, RunOutcome]]) -> None:
     print(
         f"\n**{condition}**\n\n| law | tasks | arrived | across a line, others | {RECOMMENDED} arrives more often by | "
         "farther than 1.5 d0 | ends farther than d0 | lines lost | path / straight | s | ends off [mm] | "
@@ -171,13 +171,15 @@ def _print(condition: str, runs: dict[str, dict[int, Outcome]]) -> None:
         print(f"| {law} | {' | '.join(cells)} |", flush=True)
 
 
-def _both(ours: Mapping[int, Outcome], theirs: Mapping[int, Outcome]) -> tuple[list[Outcome], list[Outcome]]:
+def _both(
+    ours: Mapping[int, RunOutcome], theirs: Mapping[int, RunOutcome]
+) -> tuple[list[RunOutcome], list[RunOutcome]]:
     """Return the outcomes of the tasks that both have done."""
     numbers = [number for number in theirs if number in ours]
     return [ours[number] for number in numbers], [theirs[number] for number in numbers]
 
 
-def _print_motions(runs: Mapping[int, Mapping[str, Outcome]], laws: Sequence[str]) -> None:
+def _print_motions(runs: Mapping[int, Mapping[str, RunOutcome]], laws: Sequence[str]) -> None:
     print(f"\n| arrived | {' | '.join(MOTIONS)} |\n|---|{'---|' * len(MOTIONS)}")
     for law in laws:
         cells = []
@@ -188,7 +190,7 @@ def _print_motions(runs: Mapping[int, Mapping[str, Outcome]], laws: Sequence[str
         print(f"| {law} | {' | '.join(cells)} |")
 
 
-def paired(ours: Sequence[Outcome], theirs: Sequence[Outcome]) -> tuple[float, float, float]:
+def paired(ours: Sequence[RunOutcome], theirs: Sequence[RunOutcome]) -> tuple[float, float, float]:
     """Return by how many per cent of the tasks ours arrive more often, and the 95 % interval of that.
 
     Source: Agresti and Min, Simple improved confidence intervals for comparing matched proportions (2005).
@@ -201,7 +203,7 @@ def paired(ours: Sequence[Outcome], theirs: Sequence[Outcome]) -> tuple[float, f
     return 100.0 * (more - fewer) / n, 100.0 * ((b - c) / m - half), 100.0 * ((b - c) / m + half)
 
 
-def median_ratio(of: Sequence[Outcome], others: Sequence[Outcome]) -> tuple[float, float, float]:
+def median_ratio(of: Sequence[RunOutcome], others: Sequence[RunOutcome]) -> tuple[float, float, float]:
     """Return the ratio of the others' median error to that of the first, and the 95 % interval over the paired tasks.
 
     Source: the percentile bootstrap, Efron and Tibshirani (1993).

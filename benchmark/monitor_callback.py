@@ -27,7 +27,7 @@ from std_msgs.msg import Header
 from benchmark.alert_settings import Setting, monitor_parameters
 from benchmark.monitor_settings import RATE, settings
 from benchmark.rclpy_baseline import BareNode
-from benchmark.servo_conditions import Camera, Frame
+from benchmark.servo_conditions import DisturbedCamera, Frame
 from plsing_msgs.msg import LineFeatureArray, SingularityStatus
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.nodes import qos
@@ -98,7 +98,7 @@ class TimedMonitor(SingularityMonitorNode):
         super().subscribe(message_type, topic, self._times.timed(topic, callback), profile)
 
 
-class BareMonitor(BareNode):
+class FixedStatusMonitor(BareNode):
     """Listens to the same topics, and publishes one message for each features."""
 
     def __init__(self, times: CallbackTimes, status: SingularityStatus, **options: Any) -> None:
@@ -131,7 +131,7 @@ def receive(name: str, n: int, cycles: int) -> None:
 
     def create(**options: Any) -> Any:
         if name == "bare":
-            return BareMonitor(times, _status(setting), **options)
+            return FixedStatusMonitor(times, _status(setting), **options)
         given = [Parameter(each, value=value) for each, value in parameters.values().items() if value != ()]
         return TimedMonitor(times, parameter_overrides=given, **options)
 
@@ -150,7 +150,7 @@ def _status(setting: Setting) -> SingularityStatus:
 
 
 def _frames(setting: Setting) -> list[Frame]:
-    camera = Camera(setting.task, setting.condition, np.random.default_rng(1))
+    camera = DisturbedCamera(setting.task, setting.condition, np.random.default_rng(1))
     return [camera.frame(setting.task.start) for _ in range(_FRAMES)]
 
 

@@ -22,7 +22,7 @@ from benchmark import monitor_callback
 from benchmark.alert_runs import watched_run
 from benchmark.alert_settings import draw_setting, monitor_parameters
 from benchmark.monitor_settings import RATE, SEED, settings
-from benchmark.servo_conditions import Camera
+from benchmark.servo_conditions import DisturbedCamera
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor
 from plsing_ros.planning.rollout import LoopModel, RolloutLaw, RolloutTask, RunState
 
@@ -49,7 +49,7 @@ def _first_answer(law: str) -> str:
     for _ in range(10):
         setting = next(drawn)
         setting = dataclasses.replace(setting, task=dataclasses.replace(setting.task, gain=0.1))
-        camera = Camera(setting.task, setting.condition, np.random.default_rng(1))
+        camera = DisturbedCamera(setting.task, setting.condition, np.random.default_rng(1))
         with ThreadPoolExecutor(1) as executor:
             monitor = SingularityMonitor.from_parameters(monitor_parameters(setting), executor)
             start, frame = time.perf_counter(), 0

@@ -165,7 +165,7 @@ def _random_view(seed: int, number: int) -> tuple[LineSet, Pose, np.random.Gener
 
 
 @dataclass(frozen=True, eq=False)
-class Approach:
+class ApproachStatistics:
     """What many noisy runs say at poses that come near to a locus.
 
     Attributes:
@@ -198,7 +198,7 @@ def band(runs: int | np.ndarray) -> np.ndarray:
     return limits
 
 
-def approaches(runs: int) -> list[Approach]:
+def approaches(runs: int) -> list[ApproachStatistics]:
     """Go to the transversal L_M and to the isolated point P1 of the paper's four lines, 1 m to 1 mm away."""
     results = []
     for experiment, name, direction in (
@@ -227,11 +227,11 @@ def approaches(runs: int) -> list[Approach]:
                     ok.sum(),
                 )
             )
-        results.append(Approach(name, *np.array(rows).T, runs))
+        results.append(ApproachStatistics(name, *np.array(rows).T, runs))
     return results
 
 
-def consistency_report(results: list[Approach]) -> str:
+def consistency_report(results: list[ApproachStatistics]) -> str:
     """Return the consistency as a table."""
     lines = []
     for each in results:
@@ -250,7 +250,7 @@ def consistency_report(results: list[Approach]) -> str:
     return "\n".join(lines)
 
 
-def save_figure(results: list[Approach], file: Path) -> None:
+def save_figure(results: list[ApproachStatistics], file: Path) -> None:
     """Draw the mean squared error and the share of OK over the distance."""
     import matplotlib as mpl
 

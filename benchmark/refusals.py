@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 from benchmark.servo_conditions import (
     CONDITIONS,
     FOCAL_LENGTH,
-    Camera,
     Condition,
-    ServoTask,
+    DisturbedCamera,
+    SegmentTask,
     draw_task,
     image_lines,
     line_covariances,
@@ -55,7 +55,7 @@ def consistent(tasks: int) -> None:
         spent = 0.0
         for number in range(tasks):
             task = draw_task(rng, condition, number % 3 != 2)
-            camera, check = Camera(task, condition, rng), ConsistencyCheck(task.map)
+            camera, check = DisturbedCamera(task, condition, rng), ConsistencyCheck(task.map)
             for share in rng.uniform(-0.1, 1.1, _FRAMES_PER_TASK):
                 frame = camera.frame(_between(task, share))
                 before = time.perf_counter()
@@ -77,7 +77,7 @@ def contradictory(tasks: int) -> None:
         tried, passed, harmful = Counter[str](), Counter[str](), Counter[str]()
         for number in range(count):
             task = draw_task(rng, condition, number % 3 != 2)
-            camera, check = Camera(task, condition, rng), ConsistencyCheck(task.map)
+            camera, check = DisturbedCamera(task, condition, rng), ConsistencyCheck(task.map)
             frame = camera.frame(task.start)
             right = frame.observation if known else replace(frame.observation, covariances=None)
             alike = _exchangeable(task, condition, right)
@@ -94,7 +94,7 @@ def contradictory(tasks: int) -> None:
         print(f"| all | {tried.total()} | {passed.total()} | {harmful.total()} |", flush=True)
 
 
-def _exchangeable(task: ServoTask, condition: Condition, right: LineObservation) -> np.ndarray:
+def _exchangeable(task: SegmentTask, condition: Condition, right: LineObservation) -> np.ndarray:
     """Return which usable image lines, if they are exchanged, contradict: shape (n, n).
 
     Those that are farther from each other, in angle and offset, than five standard deviations of what noise of the
@@ -118,7 +118,7 @@ def _exchangeable(task: ServoTask, condition: Condition, right: LineObservation)
     return clear
 
 
-def _leads_astray(task: ServoTask, right: LineObservation, wrong: LineObservation) -> bool:
+def _leads_astray(task: SegmentTask, right: LineObservation, wrong: LineObservation) -> bool:
     """Return whether a law moves by a wrong frame farther off than by a pose within tolerance."""
     tolerances, there = Tolerances(), task.map.transformed(task.target.inverse(), "camera")
     for law in ("position", "fused"):
@@ -195,7 +195,7 @@ def spoilt(
     yield "pose turned by 90 degrees", made(), Pose(pose.rotation @ _ROWS, pose.translation)
 
 
-def _between(task: ServoTask, share: float) -> Pose:
+def _between(task: SegmentTask, share: float) -> Pose:
     turn = Rotation.from_matrix(task.start.rotation.T @ task.target.rotation).as_rotvec()
     rotation = task.start.rotation @ Rotation.from_rotvec(share * turn).as_matrix()
     return Pose(rotation, (1.0 - share) * task.start.translation + share * task.target.translation)

@@ -80,7 +80,7 @@ CONDITIONS = {
 
 
 @dataclass(frozen=True, eq=False)
-class ServoTask:
+class SegmentTask:
     """A scene, a start and a target.
 
     Attributes:
@@ -115,7 +115,7 @@ def lines_through(ends: np.ndarray) -> LineSet:
     return LineSet.from_points_directions(ends[:, 0], ends[:, 1] - ends[:, 0])
 
 
-def draw_task(rng: np.random.Generator, condition: Condition, crossing: bool) -> ServoTask:
+def draw_task(rng: np.random.Generator, condition: Condition, crossing: bool) -> SegmentTask:
     """Return a random task: 4 to 12 segments of 0.2 to 5 m, of which start and target see four or more."""
     while True:
         n = int(rng.integers(4, 13))
@@ -143,7 +143,7 @@ def sees_enough(ends: np.ndarray, T_world_camera: Pose) -> bool:
 
 def completed_task(
     rng: np.random.Generator, condition: Condition, ends: np.ndarray, start: Pose, target: Pose, crossing: bool
-) -> ServoTask:
+) -> SegmentTask:
     """Return a task of a scene, start and target, with the constant errors of a condition drawn."""
     map_ends = ends + condition.map_shift * rng.normal(size=ends.shape)
     factor = condition.focal_length if rng.random() < 0.5 else 1.0 / condition.focal_length
@@ -151,7 +151,7 @@ def completed_task(
     hand = Pose(exponential(condition.hand_turn * _direction(rng))[0], condition.hand_arm * _direction(rng))
     off = condition.wrong_pose * float(np.exp(rng.uniform(np.log(0.02), 0.0)))
     known = Pose(exponential(0.2 * off * _direction(rng))[0], off * _direction(rng))
-    return ServoTask(ends, map_ends, start, target, gain, crossing, factor, hand, known)
+    return SegmentTask(ends, map_ends, start, target, gain, crossing, factor, hand, known)
 
 
 def view_of(ends: np.ndarray, T_world_camera: Pose) -> tuple[np.ndarray, np.ndarray]:
@@ -213,10 +213,10 @@ class Frame:
     covariance: np.ndarray
 
 
-class Camera:
+class DisturbedCamera:
     """Takes frames of a task in a condition; of several cameras at once with the same errors for all."""
 
-    def __init__(self, task: ServoTask, condition: Condition, rng: np.random.Generator) -> None:
+    def __init__(self, task: SegmentTask, condition: Condition, rng: np.random.Generator) -> None:
         self._task, self._condition, self._rng = task, condition, rng
         self._map = task.map
 

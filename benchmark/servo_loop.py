@@ -15,7 +15,15 @@ from typing import Protocol
 import numpy as np
 
 from benchmark.rivals import RIVALS, situation_of
-from benchmark.servo_conditions import FOCAL_LENGTH, FRAME_TIME, ROBOT_LIMITS, Camera, Condition, Frame, ServoTask
+from benchmark.servo_conditions import (
+    FOCAL_LENGTH,
+    FRAME_TIME,
+    ROBOT_LIMITS,
+    Condition,
+    DisturbedCamera,
+    Frame,
+    SegmentTask,
+)
 from plsing_ros.arrays import cross
 from plsing_ros.control.latency import LookAhead
 from plsing_ros.control.saturation import saturate
@@ -47,7 +55,7 @@ class Contender:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunOutcome:
     """What came of a run.
 
     Attributes:
@@ -92,7 +100,9 @@ class Control(Protocol):
         """Return the twist of the camera for a frame, shape (6,)."""
 
 
-def run(task: ServoTask, condition: Condition, contenders: Mapping[str, Contender], seed: int) -> dict[str, Outcome]:
+def run(
+    task: SegmentTask, condition: Condition, contenders: Mapping[str, Contender], seed: int
+) -> dict[str, RunOutcome]:
     """Run laws from start to target.
 
     Args:
@@ -101,9 +111,11 @@ def run(task: ServoTask, condition: Condition, contenders: Mapping[str, Contende
         contenders: The laws by name.
         seed: Of the errors: frame k has the same ones for every law, and in every call.
     """
-    camera = Camera(task, condition, np.random.default_rng([seed, 1]))
+    camera = DisturbedCamera(task, condition, np.random.default_rng([seed, 1]))
     target = _target(task, condition, camera)
-    runs = {name: _Run(task, condition, _control(task, condition, each, target)) for name, each in contenders.items()}
+    runs = {
+        name: _LoopRun(task, condition, _control(task, condition, each, target)) for name, each in contenders.items()
+    }
     rng = np.random.default_rng([seed, 2])
     while active := [each for each in runs.values() if each.goes_on]:
         dropped, late = bool(rng.random() < condition.dropped), bool(rng.random() < condition.jitter)
@@ -116,7 +128,7 @@ def run(task: ServoTask, condition: Condition, contenders: Mapping[str, Contende
     return {name: each.outcome() for name, each in runs.items()}
 
 
-def _target(task: ServoTask, condition: Condition, camera: Camera) -> Frame:
+def _target(task: SegmentTask, condition: Condition, camera: DisturbedCamera) -> Frame:
     """Return what is seen at the target, or would be by the map."""
     if condition.shown and not condition.chain:
         return camera.frame(task.target)
@@ -133,7 +145,7 @@ def _target(task: ServoTask, condition: Condition, camera: Camera) -> Frame:
     return camera.completed(lines, covariances, np.ones(n, dtype=bool), task.target, 1e-8 * np.eye(6))
 
 
-def _control(task: ServoTask, condition: Condition, contender: Contender, target: Frame) -> Control:
+def _control(task: SegmentTask, condition: Condition, contender: Contender, target: Frame) -> Control:
     if contender.law in RIVALS:
         control: Control = _Rival(task, condition, contender.law, target)
     else:
@@ -150,7 +162,7 @@ class _Rival:
 
     refused = 0
 
-    def __init__(self, task: ServoTask, condition: Condition, law: str, target: Frame) -> None:
+    def __init__(self, task: SegmentTask, condition: Condition, law: str, target: Frame) -> None:
         self._law, self._gain, self._target = RIVALS[law], task.gain, target
         self._look_ahead, self._latency = LookAhead(), _latency(condition)
 
@@ -170,7 +182,7 @@ class _Rival:
 class _Package:
     """The package's controller."""
 
-    def __init__(self, task: ServoTask, condition: Condition, contender: Contender, target: Frame) -> None:
+    def __init__(self, task: SegmentTask, condition: Condition, contender: Contender, target: Frame) -> None:
         lines = task.map
         self.refused = 0
         self._servo = ServoController.from_parameters(
@@ -207,7 +219,7 @@ class _Package:
 class _Chain:
     """The pose estimator with its filter before a controller."""
 
-    def __init__(self, tracker: PoseTracker, task: ServoTask) -> None:
+    def __init__(self, tracker: PoseTracker, task: SegmentTask) -> None:
         self._tracker = tracker
         self._empty = LineObservation(task.map.ids, np.zeros((len(task.map), 3)), np.zeros(len(task.map), dtype=bool))
 
@@ -225,7 +237,7 @@ class _Chain:
         self._tracker.receive_twist(twist, stamp)
 
 
-def _chain(task: ServoTask, condition: Condition) -> _Chain:
+def _chain(task: SegmentTask, condition: Condition) -> _Chain:
     span = task.map_ends[:, 1] - task.map_ends[:, 0]
     values = {
         "lines.points": task.map_ends.mean(axis=1).ravel().tolist(),
@@ -259,7 +271,7 @@ class _Chained:
         return twist
 
 
-class _Run:
+class _LoopRun:
     """A camera on its way.
 
     Attributes:
@@ -267,7 +279,7 @@ class _Run:
         goes_on: Whether it is neither there nor out of time.
     """
 
-    def __init__(self, task: ServoTask, condition: Condition, control: Control) -> None:
+    def __init__(self, task: SegmentTask, condition: Condition, control: Control) -> None:
         self.pose, self.goes_on = task.start, True
         self._task, self._condition, self._control = task, condition, control
         self._actual = self._commanded = np.zeros(6)
@@ -332,10 +344,10 @@ class _Run:
         if self._frame * FRAME_TIME >= self._end or self._still > _GIVEN_UP:
             self.goes_on = False
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> RunOutcome:
         """Return what came of it."""
         way = max(self._start, _SHORTEST_WAY)
-        return Outcome(
+        return RunOutcome(
             self._arrived,
             self._seconds,
             self._away,

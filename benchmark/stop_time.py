@@ -68,7 +68,7 @@ def _fifo(process: int) -> None:
     os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(50))
 
 
-class Case(NamedTuple):
+class Interruption(NamedTuple):
     """What is done.
 
     Attributes:
@@ -89,17 +89,17 @@ class Case(NamedTuple):
 STOPPED, IN_LOCK, KILLED = "stopped", "stopped while it holds a lock", "killed"
 _SHARED_MEMORY = {TRANSPORTS: "DEFAULT"}
 CASES = {
-    "stopped": Case("its own (UDP)", STOPPED, 200),
-    "in-lock": Case("its own (UDP)", IN_LOCK, 40),
-    "killed": Case("its own (UDP)", KILLED, 40),
-    "nice": Case("its own (UDP), nice -n -10", STOPPED, 40, priority=_nice),
-    "fifo": Case("its own (UDP), chrt --fifo 50", STOPPED, 40, priority=_fifo),
-    "shared-memory": Case("shared memory", STOPPED, 60, _SHARED_MEMORY),
-    "shared-memory-in-lock": Case("shared memory", IN_LOCK, 20, _SHARED_MEMORY),
+    "stopped": Interruption("its own (UDP)", STOPPED, 200),
+    "in-lock": Interruption("its own (UDP)", IN_LOCK, 40),
+    "killed": Interruption("its own (UDP)", KILLED, 40),
+    "nice": Interruption("its own (UDP), nice -n -10", STOPPED, 40, priority=_nice),
+    "fifo": Interruption("its own (UDP), chrt --fifo 50", STOPPED, 40, priority=_fifo),
+    "shared-memory": Interruption("shared memory", STOPPED, 60, _SHARED_MEMORY),
+    "shared-memory-in-lock": Interruption("shared memory", IN_LOCK, 20, _SHARED_MEMORY),
 }
 
 
-def measure(case: Case, times: int, seed: int) -> tuple[list[float], int, int]:
+def measure(case: Interruption, times: int, seed: int) -> tuple[list[float], int, int]:
     """Return how late each zero twist was [s], how many moving twists came after one, and shared memory segments.
 
     Args:

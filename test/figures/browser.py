@@ -55,7 +55,7 @@ _OPENER = """
 
 
 @dataclass(frozen=True)
-class Answer:
+class PageAnswer:
     """What the page answered.
 
     Attributes:
@@ -69,7 +69,7 @@ class Answer:
     agent: str
 
 
-def ask_page(executable: Path, page: Path, folder: Path, ready: str, script: str, patience: float = 60.0) -> Answer:
+def ask_page(executable: Path, page: Path, folder: Path, ready: str, script: str, patience: float = 60.0) -> PageAnswer:
     """Open a page and return the value of a script in it.
 
     Args:
@@ -100,7 +100,7 @@ def ask_page(executable: Path, page: Path, folder: Path, ready: str, script: str
     assert len(lines) == 2, f"{done.stdout}\n{done.stderr}"
     answer = lines[1]
     assert answer["code"] == 0, answer
-    return Answer(answer["value"], answer["errors"], answer["agent"])
+    return PageAnswer(answer["value"], answer["errors"], answer["agent"])
 
 
 def png_of(data_url: object) -> bytes:
