@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 from scipy.special import chdtri
@@ -11,18 +12,22 @@ from scipy.special import chdtri
 from plsing_ros.arrays import Array
 from plsing_ros.control.displacement import composed
 from plsing_ros.control.image_mismatch import ImageMismatch, whitened
-from plsing_ros.control.pose_doubt import DOUBTFUL, MEMORY, OF_A_POSE
+from plsing_ros.control.pose_doubt import DOUBTFUL, OF_A_POSE
 
 # How sure it is that the errors of the image are not larger than what the best pose leaves of it says.
 _SURE = 0.95
 # The least variance of the image over what is said, singular value of J over the largest, and distance [m].
 _LEAST = 1e-6
-# A pose may be off by ten times what its covariance says where the image does not tell.
-_WIDE = 0.01
-# The camera is as far away as the image shows beyond so many standard deviations.
+# A pose may be off by a hundred times what its covariance says where the image does not tell.
+_WIDE = 1e-4
+# The camera is as far away as the image shows beyond so many standard deviations; farther than before beyond so many,
+# for this is asked of every frame, and at first the two are close.
 _DEVIATIONS = 2.0
-# Steps to where the image puts the camera: the first is only right for a pose that is a little wrong. A step must take
-# away this share of what is left.
+_OF_A_DIFFERENCE = 4.0
+# As many frames are looked at together.
+_FRAMES = 10
+# Steps to where the image puts the camera in the first frame, when the pose may be far off; later ones follow it by one
+# each. A step must take away this share of what is left.
 _STEPS = 8
 _WORTH = 0.1
 
@@ -36,10 +41,8 @@ class Departure:
 
     def __init__(self) -> None:
         self.scale = 1.0
-        # Of the latest frames with the same lines: how many, the mean of J and r, and its variance over a frame's.
-        self._frames, self._variance = 0, 0.0
-        self._mean: Array = np.zeros((0, 7))
-        # Where the camera is by the image, seen from where the pose puts it; J and r are taken there.
+        # The latest frames with the same lines, and where the camera is by them, seen from where the pose puts it.
+        self._latest: deque[ImageMismatch] = deque(maxlen=_FRAMES)
         self._delta: Array = np.zeros(6)
         # Where the camera began by the pose, how far from the target by the image then [m], and whether it was farther.
         self._first: Array | None = None
@@ -51,8 +54,9 @@ class Departure:
         self._paused = True
 
     def change_lines(self) -> None:
-        """Begin another mean: the next frames have other lines."""
-        self._frames, self._variance, self._delta = 0, 0.0, np.zeros(6)
+        """Forget the latest frames: the next ones have other lines."""
+        self._latest.clear()
+        self._delta = np.zeros(6)
 
     def update(self, seen: ImageMismatch, own: Array, lasting: Array, pose: Array, told: Array) -> float:
         """Learn from a frame, and return by how much more than its covariance allows the pose is off.
@@ -71,38 +75,40 @@ class Departure:
         spare = len(seen.r) - OF_A_POSE
         if spare <= 0:
             return 0.0
-        self._frames += 1
-        share = max(MEMORY, 1.0 / self._frames)
-        self._variance = (1.0 - share) ** 2 * self._variance + share**2
-        covariances, known = self._variance * own + lasting, np.linalg.inv(pose)
-        left, limit, before = math.inf, float(chdtri(spare, _SURE)), self._mean
-        for _ in range(_STEPS if self._frames == 1 else 1):
-            frame = self._taken_there(seen)
-            mean = frame if self._frames == 1 else before + share * (frame - before)
-            rows = whitened(mean, covariances)
-            if not math.isfinite(float(np.square(rows).sum())):
+        self._latest.append(seen)
+        frames, known = len(self._latest), np.linalg.inv(pose)
+        together = ImageMismatch.together(self._latest)
+        # As if frames were independent, with what lasts counted once.
+        of_all, of_mean = np.tile(own + frames * lasting, (frames, 1)), own / frames + lasting
+        left, limit = math.inf, float(chdtri(spare, _SURE))
+        for _ in range(_STEPS if frames == 1 else 1):
+            table = self._taken_there(together)
+            rows, mean = whitened(table, of_all), whitened(table.reshape(frames, -1, 7).mean(axis=0), of_mean)
+            if not math.isfinite(float(np.square(rows).sum() + np.square(mean).sum())):
                 # What cannot be computed with is for the law to say.
                 self.change_lines()
                 return 0.0
-            J, r = rows[:, :6], rows[:, 6]
+            J, r = mean[:, :6], mean[:, 6]
             rest = float(np.square(r - J @ np.linalg.lstsq(J, r, _LEAST)[0]).sum())
             if rest > (1.0 - _WORTH) * left:
                 break
-            left, normal, right, self._mean = rest, J.T @ J, J.T @ r, mean
-            self.scale = min(1.0, left / limit + _LEAST)
-            information = normal + self.scale * _WIDE * known
+            J, r = rows[:, :6], rows[:, 6]
+            left, normal, right = rest, J.T @ J, J.T @ r
+            variance = left / limit + _LEAST
+            information = normal + variance * _WIDE * known
             self._delta = np.asarray(np.linalg.solve(information, right), dtype=float)
-        self._watch(told, self.scale * np.linalg.inv(information)[:3, :3], pose[:3, :3])
+        self.scale = min(1.0, variance)
+        self._watch(told, variance * np.linalg.inv(information)[:3, :3], pose[:3, :3])
         if not self._led_away:
             return 0.0
         explained = float(right @ self._delta) - float(right @ np.linalg.solve(normal + self.scale * known, right))
         return max(0.0, explained / (OF_A_POSE * self.scale) - DOUBTFUL)
 
-    def _taken_there(self, seen: ImageMismatch) -> Array:
-        """Return J and r of a frame, taken where the image puts the camera but as functions of delta, shape (2n, 7)."""
-        there = seen.seen_from(self._delta)
+    def _taken_there(self, together: ImageMismatch) -> Array:
+        """Return J and r, taken where the image puts the camera but as functions of delta, side by side."""
+        there = together.seen_from(self._delta)
         if there is None:
-            self._delta, there = np.zeros(6), seen
+            self._delta, there = np.zeros(6), together
         return np.column_stack([there.J, there.r + there.J @ self._delta])
 
     def _watch(self, told: Array, covariance: Array, pose: Array) -> None:
@@ -123,8 +129,8 @@ class Departure:
         began = composed(self._first, self._delta)[:3]
         here, there = (each / max(float(np.linalg.norm(each)), _LEAST) for each in (position, began))
         variance = (here - there) @ covariance @ (here - there) + here @ pose @ here + there @ pose @ there
-        farther = float(np.linalg.norm(position) - np.linalg.norm(began)) > _DEVIATIONS * math.sqrt(float(variance))
-        if farther or at_least > self._began:
+        farther = float(np.linalg.norm(position) - np.linalg.norm(began))
+        if farther > _OF_A_DIFFERENCE * math.sqrt(float(variance)) or at_least > self._began:
             if self._paused:
                 self._first, self._began = told, max(self._began, at_least)
             else:

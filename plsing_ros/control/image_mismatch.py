@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from plsing_ros.arrays import Array
@@ -32,6 +34,17 @@ class ImageMismatch:
         projected = project_lines(lines)
         self.r = compare_image_lines(image, projected) - taught
         self.J = polar(interaction_matrix(lines), projected)
+
+    @classmethod
+    def together(cls, frames: Sequence[ImageMismatch]) -> ImageMismatch:
+        """Return the mismatch of several frames as if all their lines were in one, frame after frame."""
+        lines = LineSet(
+            np.concatenate([each._lines.direction for each in frames]),
+            np.concatenate([each._lines.moment for each in frames]),
+            frames[0]._lines.frame,
+        )
+        image, taught = (np.concatenate(parts) for parts in zip(*((e._image, e._taught) for e in frames), strict=True))
+        return cls(lines, image, taught)
 
     @property
     def rows(self) -> Array:

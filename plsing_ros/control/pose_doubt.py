@@ -10,7 +10,7 @@ import numpy as np
 from plsing_ros.arrays import Array
 
 # A share of each frame in what is known of the errors: twenty frames or so are remembered.
-MEMORY = 0.05
+_MEMORY = 0.05
 # A pose is doubted when the image explains more than this times what its covariance allows.
 DOUBTFUL = 2.0
 # More at first, for chance averages out with the root of the frames: less than one in a million is more than this.
@@ -56,10 +56,10 @@ class PoseDoubt:
         left = square - float(right @ np.linalg.solve(normal + 1e-6 * known, right))
         explained = square - float(right @ np.linalg.solve(normal + known, right)) - left
         seen = left / max(len(r) - OF_A_POSE, 1.0)
-        self.noise = max(1.0, self.noise + MEMORY * (seen - self.noise))
+        self.noise = max(1.0, self.noise + _MEMORY * (seen - self.noise))
         self._frames += 1
         # The mean of the first frames, then of the latest.
-        share = max(MEMORY, 1.0 / self._frames)
+        share = max(_MEMORY, 1.0 / self._frames)
         self.calibration += share * ((_SAID + left) / (_SAID + max(len(r) - OF_A_POSE, 0.0)) - self.calibration)
         self._explained += share * (explained / (OF_A_POSE * self.noise) - self._explained)
         excess = self._explained - DOUBTFUL - _AT_FIRST / math.sqrt(self._frames)
