@@ -8,13 +8,14 @@ it best is off by degrees. How long reading takes is found from the corners, too
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 from scipy.spatial.transform import Rotation
 
+from plsing_ros._core import compiled
 from plsing_ros.geometry import Pose
 from plsing_ros.tracking import PinholeCamera
 
@@ -35,6 +36,7 @@ class BoardPoses:
     _rotations: Rotation
     _positions: np.ndarray
     _height: int
+    _covariance: np.ndarray  # of small turns of all images, and of shifts of all
 
     def at(self, image: int, row: float) -> Pose:
         """Return T_camera_board when a row of an image was read."""
@@ -42,6 +44,23 @@ class BoardPoses:
         since = np.array([self.readout * (row / self._height - 0.5)])
         turned, position = _moved(self._rotations, self._positions, which, since)
         return Pose(turned.as_matrix()[0], position[0])
+
+    def covariance_at(self, image: int, row: float) -> np.ndarray:
+        """Return the covariance of a motion (v, omega) of the board in the camera frame, by the corners' scatter."""
+        n, before = len(self._positions), self.at(image, row)
+        near = range(max(image - 1, 0), min(image + 2, n))
+        columns = [3 * (block * n + k) + i for block in (0, 1) for k in near for i in range(3)]
+        by_unknowns = np.zeros((6, len(columns)))
+        for place, column in enumerate(columns):
+            step = np.zeros(6 * n)
+            step[column] = 1e-6
+            turns = Rotation.from_rotvec(step[: 3 * n].reshape(n, 3)) * self._rotations
+            moved = replace(self, _rotations=turns, _positions=self._positions + step[3 * n :].reshape(n, 3))
+            after = moved.at(image, row)
+            motion = compiled.motion_between(before.rotation, before.translation, after.rotation, after.translation)
+            by_unknowns[:, place] = motion / 1e-6
+        covariance: np.ndarray = by_unknowns @ self._covariance[np.ix_(columns, columns)] @ by_unknowns.T
+        return covariance
 
 
 def board_poses(
@@ -93,7 +112,11 @@ def board_poses(
     )
     rotations, positions, _ = unpacked(found.x)
     off = np.linalg.norm(residuals(found.x).reshape(-1, 2), axis=1)
-    return BoardPoses(float(found.x[-1]), float(np.median(off)), rotations, positions, camera.height)
+    # Of the corners on the board all images decide: next to the error of one image, theirs is small.
+    matrix = found.jac[:, : 6 * n].toarray()
+    spread = 1.4826 * float(np.median(np.abs(residuals(found.x))))
+    covariance = spread**2 * np.linalg.inv(matrix.T @ matrix)
+    return BoardPoses(float(found.x[-1]), float(np.median(off)), rotations, positions, camera.height, covariance)
 
 
 def _moved(

@@ -22,7 +22,8 @@ from benchmark.texture_agreement import texture_agreement
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
 from plsing_ros.geometry.model_files import read_model
-from plsing_ros.geometry.rotations import exponential, rotation_vector
+from plsing_ros.geometry.rotations import exponential, rotation_vector, turned_covariance
+from plsing_ros.geometry.scene_file import DIRECTION_STD, POSITION_STD
 from plsing_ros.tracking import LineTracker, PinholeCamera, Tracking, TrackingState
 
 _VISP_IMAGES = Path("/usr/share/visp-images-data/ViSP-images")
@@ -58,13 +59,13 @@ class TestSequence:
     angles: tuple[float, float]
 
 
-def follow(given: TestSequence, images: Sequence[Any], step: int = 1) -> dict[int, Result]:
-    """Return what our tracker says of every step-th image."""
-    tracker = LineTracker(given.model, given.camera)
+def follow(given: TestSequence, images: Sequence[Any], step: int = 1, **options: Any) -> dict[int, Result]:
+    """Return what our tracker says of every step-th image; times are in images."""
+    tracker = LineTracker(given.model, given.camera, **options)
     results = {}
     for k in range(0, len(images), step):
         begin = time.process_time()
-        found = tracker.track(images[k], given.start.inverse() if k == 0 else None)
+        found = tracker.track(images[k], given.start.inverse() if k == 0 else None, float(k))
         seconds = time.process_time() - begin
         pose = None if found.T_world_camera is None else found.T_world_camera.inverse()
         results[k] = Result(pose, seconds, found.state, found)
@@ -203,35 +204,57 @@ def textured_cube() -> None:
     clicked = _pose(np.array(json.loads((_RBT_CUBE / "init" / "cube.json").read_text()))[:3])
     images = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files]
     given = TestSequence(camera, images, read_model(_RBT_CUBE / "model" / "cube.obj"), clicked, (), (0, 0))
-    results = follow(given, images)
     # As row and column, counted from a pixel's corner.
     corners = [
         {name: np.array(tag["tag_corners"])[:, ::-1] - 0.5 for name, tag in each.items()} for each in tags["detections"]
     ]
     still, rolling = (board_poses(camera, corners, grid, each) for each in (False, True))
-    found = {k: each.pose for k, each in results.items() if each.pose is not None}
-    rows = {k: camera.project(pose.translation[np.newaxis])[0, 1] for k, pose in found.items()}
-    boards = {"published": grid, "row by row": [rolling.at(k, rows.get(k, 240.0)) for k in range(len(files))]}
     print(
-        f"rbt cube, {len(files)} images, {len(found)} tracked, "
-        f"{1e3 * np.median([each.seconds for each in results.values()]):.2f} ms; corners of the board's tags are "
-        f"{still.deviation:.2f} px from where one pose for all rows has them, {rolling.deviation:.2f} px if rows are "
-        f"read one by one in {rolling.readout:.1f} of the time between images"
+        f"rbt cube, {len(files)} images; corners of the board's tags are {still.deviation:.2f} px from where one pose "
+        f"for all rows has them, {rolling.deviation:.2f} px if rows are read one by one in {rolling.readout:.1f} of "
+        "the time between images"
     )
-    poses = {"tracked": [found.get(k) for k in range(len(files))]}
-    for name, board in boards.items():
-        tracked = [board[k].inverse() @ found[k] for k in range(10) if k in found]
-        places = {"clicked": grid[0].inverse() @ clicked, "of the first ten poses": _mean(tracked)}
-        for where, place in places.items():
-            off = np.array([_error(pose, board[k] @ place) for k, pose in found.items()])
-            good = (off[:, 0] < 0.03) & (off[:, 1] < np.radians(10.0))
-            errors = " / ".join(f"{each:.1f}" for each in 1e3 * np.percentile(off[:, 0], [50, 90, 100]))
-            turns = " / ".join(f"{each:.1f}" for each in np.degrees(np.percentile(off[:, 1], [50, 90, 100])))
-            print(
-                f"  board {name}, place {where}: {good.sum() / len(files):.0%} within 30 mm and 10 degrees; "
-                f"{errors} mm, {turns} degrees (median, 90 %, largest)"
-            )
-        poses[f"board {name}"] = [each @ place for each in board[: len(files)]]
+    edge_std = np.tile((POSITION_STD, DIRECTION_STD), (len(given.model), 1))
+    poses: dict[str, list[Pose | None]] = {}
+    for tracker, options in {
+        "all rows at once, edges exact": {},
+        "all rows at once, edges as well known as lines are by default": {"edge_std": edge_std},
+        "row by row, edges so, too": {"edge_std": edge_std, "readout_time": rolling.readout},
+    }.items():
+        results = follow(given, images, **options)
+        found = {k: each.pose for k, each in results.items() if each.pose is not None}
+        states = [each.state.name for each in results.values()]
+        print(f"  {tracker}: " + ", ".join(f"{states.count(each)} {each}" for each in sorted(set(states))))
+        rows = {k: camera.project(pose.translation[np.newaxis])[0, 1] for k, pose in found.items()}
+        boards = {"published": grid, "row by row": [rolling.at(k, rows.get(k, 240.0)) for k in range(len(files))]}
+        poses[tracker] = [found.get(k) for k in range(len(files))]
+        for name, board in boards.items():
+            tracked = {k: board[k].inverse() @ pose for k, pose in found.items()}
+            places = {
+                "clicked": grid[0].inverse() @ clicked,
+                "of the first ten poses": _mean([each for k, each in tracked.items() if k < 10]),
+                "of all poses": _mean(list(tracked.values())),
+            }
+            for where, place in places.items():
+                off = np.array([_error(pose, board[k] @ place) for k, pose in found.items()])
+                good = (off[:, 0] < 0.03) & (off[:, 1] < np.radians(10.0))
+                errors = " / ".join(f"{each:.1f}" for each in 1e3 * np.percentile(off[:, 0], [50, 90, 100]))
+                turns = " / ".join(f"{each:.1f}" for each in np.degrees(np.percentile(off[:, 1], [50, 90, 100])))
+                squares = [
+                    (
+                        _squares(each.tracking, board[k] @ place),
+                        _squares(each.tracking, board[k] @ place, rolling.covariance_at(k, rows[k])),
+                    )
+                    for k, each in results.items()
+                    if _is_ok(each)
+                ]
+                alone, both = np.median(squares, axis=0)
+                print(
+                    f"    board {name}, place {where}: {good.sum() / len(files):.0%} within 30 mm and 10 degrees; "
+                    f"{errors} mm, {turns} degrees (median, 90 %, largest); NEES of OK poses {alone:.0f}, "
+                    f"{both:.1f} with the covariance of the board's poses"
+                )
+            poses[f"board {name}"] = [each @ places["clicked"] for each in board[: len(files)]]
     print("  correlation of what is painted on a face with its mean over the other images, median and lowest tenth:")
     for name, chosen in poses.items():
         agreement = texture_agreement(given.model, camera, images, chosen)
@@ -310,11 +333,13 @@ def _is_ok(result: Result) -> bool:
     return result.tracking is not None and result.state == TrackingState.TRACKING
 
 
-def _squares(tracking: Any, true: Pose) -> float:
+def _squares(tracking: Any, true: Pose, of_true: Any = 0.0) -> float:
+    """Return the squared error in the covariance of both; `of_true` is of a motion in the camera frame."""
     T_world_camera = true.inverse()
     turn = rotation_vector(tracking.T_world_camera.rotation @ T_world_camera.rotation.T)
     off = np.concatenate([tracking.T_world_camera.translation - T_world_camera.translation, turn])
-    return float(off @ np.linalg.solve(tracking.covariance, off))
+    both = tracking.covariance + (turned_covariance(of_true, T_world_camera.rotation) if np.ndim(of_true) else 0.0)
+    return float(off @ np.linalg.solve(both, off))
 
 
 def _is_lost(pose: Pose | None, reference: Any) -> bool:

@@ -18,8 +18,10 @@ void check(const Image& image)
 
 py::tuple result_of(const PoseFit& fit)
 {
+    const Rows2 residuals = Eigen::Map<const Rows2>(fit.residuals.empty() ? nullptr : fit.residuals.front().data(),
+                                                    static_cast<Eigen::Index>(fit.residuals.size()), 2);
     return py::make_tuple(fit.pose.rotation, fit.pose.translation, fit.information, fit.scale, fit.chosen,
-                          fit.weights, fit.squares);
+                          fit.weights, fit.squares, residuals);
 }
 
 struct Visible { std::vector<VisibleEdge> edges; };
@@ -68,6 +70,10 @@ void bind_tracking(pybind11::module_& module)
                                  double margin) {
             return Visible{model.visible_edges(transform(rotation, translation), Camera(camera), width, height, step,
                                                margin)};
+        })
+        .def("correct_rows", [](const EdgeModel& model, Visible& visible, const Matrix3d& rotation,
+                                const Vector3d& translation, const Vector6& motion, double row, double focal) {
+            model.correct_rows(visible.edges, transform(rotation, translation), motion, row, focal);
         })
         .def("fit_pose", [](const EdgeModel& model, const Lines& lines, const Matrix3d& rotation,
                             const Vector3d& translation, const Matrix3d& prior_rotation,

@@ -422,7 +422,7 @@ def closest_approach(
 
 GreyImage = npt.NDArray[np.uint8]
 IntArray = npt.NDArray[np.int32]
-_Fit = tuple[Array, Array, Array, float, list[int], list[float], float]
+_Fit = tuple[Array, Array, Array, float, list[int], list[float], float, Array]
 
 class VisibleEdges:
     """Visible parts of edges, sampled, and what was found there."""
@@ -456,6 +456,17 @@ class EdgeModel:
         step: float,
         margin: float,
     ) -> VisibleEdges: ...
+    def correct_rows(
+        self,
+        visible: VisibleEdges,
+        rotation: Array,
+        translation: Array,
+        motion: Array,
+        row: float,
+        focal: float,
+    ) -> None:
+        """Move steps of brightness to where they were when one row was read; see RowReading."""
+
     def fit_pose(
         self,
         lines: EdgeLines,

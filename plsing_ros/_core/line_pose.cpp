@@ -74,6 +74,7 @@ PoseFit fit(std::size_t count, Transform pose, const Transform& prior, const Mat
             iteration = tukey ? ITERATIONS - 1 : CAUCHY_ITERATIONS - 1;
     }
     fit.pose = pose;
+    fit.residuals = residuals;
     return fit;
 }
 

@@ -118,6 +118,10 @@ public:
     // Return the visible parts of the edges, sampled every `step` pixels, at least `margin` pixels inside the image.
     std::vector<VisibleEdge> visible_edges(const Transform& T_camera_model, const Camera& camera, int width, int height,
                                            double step, double margin) const;
+    // Move what was found to where it was when one row of the normalised image was read, in a camera that reads row by
+    // row; `motion` is that of the model, in the camera frame, while a unit of the normalised image is read.
+    void correct_rows(std::vector<VisibleEdge>& visible, const Transform& T_camera_model, const Vector6& motion,
+                      double row, double focal) const;
     // The image line of an edge: of unit normal, as in VisibleEdge.
     Vector3d line(int edge, const Transform& T_camera_model) const
     {
@@ -173,6 +177,7 @@ struct PoseFit {
     std::vector<int> chosen; // which line of each edge; -1 for none
     std::vector<double> weights;
     double squares = 0.0;    // weighted sum of the squared residuals
+    std::vector<Vector2d> residuals;  // of each observation, in its standard deviations
 };
 
 PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Transform pose, const Transform& prior,

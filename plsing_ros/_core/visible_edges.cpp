@@ -159,4 +159,21 @@ std::vector<VisibleEdge> EdgeModel::visible_edges(const Transform& T_camera_mode
     return found;
 }
 
+void EdgeModel::correct_rows(std::vector<VisibleEdge>& visible, const Transform& T_camera_model, const Vector6& motion,
+                             double row, double focal) const
+{
+    for (VisibleEdge& edge : visible) {
+        const Vector3d a = T_camera_model * Vector3d(vertices_.row(edges_(edge.edge, 0)));
+        const Vector3d side = T_camera_model * Vector3d(vertices_.row(edges_(edge.edge, 1))) - a;
+        for (Sample& sample : edge.samples) {
+            const Vector3d ray(sample.point.x(), sample.point.y(), 1.0), across = ray.cross(side);
+            const Vector3d point = a - across.dot(ray.cross(a)) / across.squaredNorm() * side;
+            const Vector3d speed = (motion.head<3>() + motion.tail<3>().cross(point)) / point.z();
+            const double flow = edge.normal.dot(speed.head<2>() - speed.z() * sample.point) * focal;
+            for (int j = 0; j < sample.count; ++j)
+                sample.candidates[j].offset += static_cast<float>((row - sample.point.y()) * flow);
+        }
+    }
+}
+
 }  // namespace plsing::tracking

@@ -59,7 +59,13 @@ class LineTrackerNode(ParameterizedNode[LineTrackerParameters]):
         parameters = self.parameters
         self._model = parameters.model()
         self._session = TrackingSession(
-            self._model, parameters.use_points, parameters.gamma, parameters.max_repeats, parameters.tag()
+            self._model,
+            parameters.use_points,
+            parameters.gamma,
+            parameters.max_repeats,
+            parameters.tag(),
+            parameters.readout_time,
+            parameters.edge_std(),
         )
         self._stamps = StampFilter("images", parameters.image_timeout, parameters.future_tolerance)
         self._twist: tuple[Any, int] | None = None
@@ -123,7 +129,7 @@ class LineTrackerNode(ParameterizedNode[LineTrackerParameters]):
                         f"'{self.parameters.camera_frame}' (parameter camera_frame)"
                     )
                 grey = grey_from_message(message)
-                report = self._session.process(grey, self._predicted(stamp, before))
+                report = self._session.process(grey, self._predicted(stamp, before), 1e-9 * stamp)
                 self._draw(grey, report, stamp)
             except PlsingError as error:
                 report = SessionReport(SessionState.LOST, str(error))

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from plsing_ros.arrays import Array
 from plsing_ros.geometry.tag import FAMILIES, Tag
 from plsing_ros.parameters.parameter_set import parameter
 from plsing_ros.parameters.scene import SceneParameters, pose_from_parameters
@@ -24,6 +27,15 @@ class LineTrackerParameters(SceneParameters):
     )
     use_points: bool = parameter(
         True, "use_points", "Follow points on the faces beside the edges, where OpenCV is installed", live=False
+    )
+    readout_time: float = parameter(
+        0.0,
+        "readout_time",
+        "From the first row of an image to the last, of a camera with a rolling shutter; 0 if all are taken at once",
+        unit="s",
+        minimum=0.0,
+        maximum=1.0,
+        live=False,
     )
     image_timeout: float = parameter(
         0.5,
@@ -91,3 +103,13 @@ class LineTrackerParameters(SceneParameters):
             return None
         T_world_tag = pose_from_parameters("tag", self.tag_position, self.tag_orientation)
         return Tag(self.tag_family, self.tag_id, self.tag_size, T_world_tag)
+
+    def edge_std(self) -> Array:
+        """Return how well each edge of the object is known, as lines.* say, shape (n, 2) [m] and [rad].
+
+        Edges that are no lines of the scene are known as the worst of these.
+        """
+        lines = self.lines()
+        of_lines = np.column_stack([lines.position_std, lines.direction_std])
+        known, worst = dict(zip(lines.ids, of_lines, strict=True)), of_lines.max(axis=0)
+        return np.array([known.get(each, worst) for each in self.model().ids])

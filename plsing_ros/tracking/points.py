@@ -6,6 +6,7 @@ Source: Lucas and Kanade's method in pyramids, as OpenCV has it; points on known
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
 
@@ -18,6 +19,7 @@ from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
 from plsing_ros.tracking.camera import PinholeCamera
 from plsing_ros.tracking.faces import FaceMemory
+from plsing_ros.tracking.row_reading import RowReading
 
 Image = npt.NDArray[np.uint8]
 Pixels = npt.NDArray[np.float32]
@@ -102,18 +104,22 @@ class FacePoints:
         self._age = 0
         self._memory.forget()
         self._image: Image | None = None
+        self._reading: RowReading | None = None
 
     @property
     def is_worn(self) -> bool:
         """Whether too few of the points that were taken are left."""
         return len(self._points) < max(_MIN_POINTS, 0.6 * self._taken)
 
-    def follow(self, image: Image, predicted: Pose) -> PointPose | None:
+    def follow(
+        self, image: Image, predicted: Pose, reading: Callable[[Pose], RowReading | None] = lambda pose: None
+    ) -> PointPose | None:
         """Return the pose by the points in another image; None where too few can be followed.
 
         Args:
             image: Grey, of the size of the one that was anchored.
             predicted: T_camera_model expected.
+            reading: How the rows of this image are read if the object is at a pose; None for all at once.
         """
         if self._image is None or len(self._points) < _MIN_POINTS:
             return None
@@ -142,25 +148,33 @@ class FacePoints:
         if kept.sum() < _MIN_POINTS:
             return None
         points, pixels = self._points[kept], (moved + origin)[kept]
-        rotation, translation, information, scale, _, weights, _ = compiled.fit_points(
-            points,
-            self._camera.normalised(pixels.astype(float)),
-            _DEVIATION / self._camera.focal,
-            predicted.rotation,
-            predicted.translation,
-        )
+        seen, deviation = self._camera.normalised(pixels.astype(float)), _DEVIATION / self._camera.focal
+        pose, read = predicted, reading(predicted)
+        for _ in range(1 if read is None else 2):
+            there = seen if read is None else read.at_middle(seen, points @ pose.rotation.T + pose.translation)
+            rotation, translation, information, scale, _, weights, *_ = compiled.fit_points(
+                points, there, deviation, pose.rotation, pose.translation
+            )
+            pose = Pose(rotation, translation)
+            read = reading(pose)
         agree = np.array(weights) > 0.2
         share = float(agree.sum()) / len(points)
         if agree.sum() < _MIN_POINTS or share < _MIN_SHARE or scale * _DEVIATION > _MAX_DEVIATION:
             return None
         own = _POINTS_PER_INDEPENDENT * np.linalg.inv(information + 1e-9 * np.eye(6))
-        pose = Pose(rotation, translation)
         return PointPose(
             pose, own + self._covariance, points[agree], pixels[agree], self._triangles[kept][agree], share
         )
 
     def anchor(
-        self, image: Image, followed: PointPose | None, pose: Pose, covariance: Array, take: bool, noise: float
+        self,
+        image: Image,
+        followed: PointPose | None,
+        pose: Pose,
+        covariance: Array,
+        take: bool,
+        noise: float,
+        reading: RowReading | None = None,
     ) -> None:
         """Fix the points to the pose of an image.
 
@@ -171,8 +185,9 @@ class FacePoints:
             covariance: Of a motion of the model in the camera frame, shape (6, 6).
             take: Take new corners where there are too few; the pose must be a good one.
             noise: Standard deviation of the image's noise [grey levels].
+            reading: How the rows of the image were read; None for all at once.
         """
-        self._image, self._noise = image, noise
+        self._image, self._noise, self._reading = image, noise, reading
         self._covariance = covariance
         self._points = self._points[:0]
         self._pixels, self._triangles = self._pixels[:0], self._triangles[:0]
@@ -203,12 +218,18 @@ class FacePoints:
     ) -> tuple[Array, BoolArray]:
         """Return where the rays of pixels meet the planes of triangles, in the model frame, and which rays do."""
         rotation, center = T_camera_model.rotation, -T_camera_model.translation @ T_camera_model.rotation
-        rays = np.column_stack([self._camera.normalised(pixels.astype(float)), np.ones(len(pixels))]) @ rotation
+        seen = self._camera.normalised(pixels.astype(float))
+        rays = np.column_stack([seen, np.ones(len(pixels))]) @ rotation
         normals = self._normals[triangles]
         facing = (rays * normals).sum(axis=1)
         good = np.abs(facing) > _MIN_FACING * np.sqrt((rays * rays).sum(axis=1))
-        depth = (self._offsets[triangles] - normals @ center)[good] / facing[good]
-        points: Array = center + depth[:, np.newaxis] * rays[good]
+        distance = (self._offsets[triangles] - normals @ center)[good]
+        if self._reading is not None:
+            there = distance / facing[good]
+            moved = self._reading.at_middle(seen[good], there[:, np.newaxis] * (rays[good] @ rotation.T))
+            rays[good] = np.column_stack([moved, np.ones(len(moved))]) @ rotation
+            facing[good] = (rays[good] * normals[good]).sum(axis=1)
+        points: Array = center + (distance / facing[good])[:, np.newaxis] * rays[good]
         return points, good
 
     def _corners(

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from plsing_ros.arrays import Array
 from plsing_ros.errors import PlsingError
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
@@ -71,6 +73,8 @@ class TrackingSession:
         gamma: See LineTracker.
         max_repeats: Images in a row that are equal in every pixel, beyond which the camera is taken for frozen.
         tag: Where a tag is that gives the first pose, and a new one after a loss.
+        readout_time: See LineTracker.
+        edge_std: See LineTracker.
 
     Raises:
         ParameterError: If the tag cannot be looked for.
@@ -83,9 +87,16 @@ class TrackingSession:
         gamma: float = 2.2,
         max_repeats: int = 30,
         tag: Tag | None = None,
+        readout_time: float = 0.0,
+        edge_std: Array | None = None,
     ) -> None:
-        self._model = model
-        self._use_points, self._gamma, self._max_repeats = use_points, gamma, max_repeats
+        self._model, self._max_repeats = model, max_repeats
+        self._options: dict[str, Any] = {
+            "use_points": use_points,
+            "gamma": gamma,
+            "readout_time": readout_time,
+            "edge_std": edge_std,
+        }
         self._tag = None if tag is None else TagFinder(tag)
         self._tracker: LineTracker | None = None
         self._camera_problem = "no camera_info has come"
@@ -108,7 +119,7 @@ class TrackingSession:
         """Use a calibration; another one than before begins anew from the last pose."""
         if self.camera == camera:
             return
-        self._tracker = LineTracker(self._model, camera, self._use_points, self._gamma)
+        self._tracker = LineTracker(self._model, camera, **self._options)
         self._found = False
         if self._pose is not None:
             self._tracker.start(self._pose)
@@ -127,12 +138,15 @@ class TrackingSession:
         if self._tracker is not None:
             self._tracker.start(pose)
 
-    def process(self, image: npt.NDArray[np.uint8], predicted: Pose | None = None) -> SessionReport:
+    def process(
+        self, image: npt.NDArray[np.uint8], predicted: Pose | None = None, time: float | None = None
+    ) -> SessionReport:
         """Return what an image means; never raises for what an image holds.
 
         Args:
             image: Grey, shape (height, width).
             predicted: T_world_camera by the twist that was commanded since the last image, if known.
+            time: Of the image, on any clock, if known [s].
         """
         if self._tracker is None:
             return SessionReport(SessionState.WAITING_FOR_CAMERA_INFO, self._camera_problem)
@@ -142,7 +156,7 @@ class TrackingSession:
         if problem:
             return SessionReport(SessionState.LOST if self._found else SessionState.SEARCHING, problem)
         try:
-            tracking = self._tracked(self._tracker, image, predicted if self._found else None)
+            tracking = self._tracked(self._tracker, image, predicted if self._found else None, time)
         except PlsingError as error:
             return SessionReport(SessionState.LOST, str(error))
         if tracking is None:
@@ -156,14 +170,16 @@ class TrackingSession:
             self._pose = tracking.T_world_camera
         return SessionReport(state, reason, tracking)
 
-    def _tracked(self, tracker: LineTracker, image: npt.NDArray[np.uint8], predicted: Pose | None) -> Tracking | None:
+    def _tracked(
+        self, tracker: LineTracker, image: npt.NDArray[np.uint8], predicted: Pose | None, time: float | None
+    ) -> Tracking | None:
         """Return what the tracker says; where it is lost, from the tag; None where it has nothing to begin with."""
-        tracking = None if self._pose is None else tracker.track(image, predicted)
+        tracking = None if self._pose is None else tracker.track(image, predicted, time)
         if self._tag is None or (tracking is not None and tracking.state is not TrackingState.LOST):
             return tracking
         for pose in self._tag.find(image, tracker.camera):
             tracker.start(pose)
-            tracking = tracker.track(image)
+            tracking = tracker.track(image, None, time)
             if tracking.state is not TrackingState.LOST:
                 break
         return tracking

@@ -23,7 +23,9 @@ from plsing_ros.geometry.model import Model
 from plsing_ros.geometry.rotations import turned_covariance
 from plsing_ros.tracking.alternatives import angle_between, flipped, is_flat, surroundings, symmetries
 from plsing_ros.tracking.camera import PinholeCamera
+from plsing_ros.tracking.model_tolerance import model_covariance
 from plsing_ros.tracking.points import FacePoints, PointPose
+from plsing_ros.tracking.row_reading import RowReading
 from plsing_ros.tracking.tracking import Tracking, TrackingState
 
 Image = npt.NDArray[np.uint8]
@@ -53,12 +55,13 @@ _MAX_TURN = math.radians(2.5)  # of the rotation's standard deviation: WEAK beyo
 _MIN_DOUBT, _DOUBT_PER_LOSS = 0.5, 0.1
 # Errors of edges last for some images: the variance of a pose that is carried on by points grows by this each time.
 _FORGETTING = 1.3
-# Lines that agree better than they claim to, image after image, are better. Residuals show this share of deviations;
-# the rest is common to all: the lens, the model, light that is not quite as assumed.
-_SHOWN = 0.8
+# Lines that agree better than they claim to, image after image, are better. The pose gives way to what they are off by
+# for long, such as by the model or the light: of that part of the variance, this many times more than residuals show.
+_LASTING = 1.5
+_FOLLOWED = 0.3  # of the last residual, by what is remembered of those of an edge
 _REMEMBERED = 0.9  # of what residuals of former images showed, from one image to the next
 _CLAIMED = 5.0  # degrees of freedom of residuals as large as claimed that a tracker begins with
-_MIN_SHARE = 0.1  # of the variance that is claimed
+_MIN_SHARE = 0.02  # of the variance that is claimed
 _LEARNING = 0.1
 _REMEMBERED_LOSSES = 30  # images without the object after which its faces may look otherwise
 _MIN_SHARE_OF_USUAL = 0.85  # of the excess that images had until now: less, and something is in the way, or wrong
@@ -76,6 +79,7 @@ class _Fit:
     distance: float  # squared, from the pose of the points, in their standard deviations
     scale: float
     squares: float  # weighted sum of the squared residuals, in the deviations that lines claim
+    residuals: Array  # in these deviations, two of each line
     prior: Array  # information of the points
     edges: npt.NDArray[np.int_]  # rows of the model's edges that have a line
     lines: Array  # phi, rho, var phi, cov, var rho, support, contrast, offset of each
@@ -132,9 +136,24 @@ class LineTracker:
         camera: The camera.
         use_points: Follow points on the faces as well, where OpenCV is installed.
         gamma: Exponent from grey levels to light: 2.2 of nearly all cameras, 1 of those that are linear.
+        readout_time: From the first row of an image to the last, of a rolling shutter; 0 if all are taken at once [s].
+        edge_std: How well the edges are known: standard deviation of the middle of each across it [m], and of its
+            direction [rad], shape (n, 2); exactly if not given.
     """
 
-    def __init__(self, model: Model, camera: PinholeCamera, use_points: bool = True, gamma: float = 2.2) -> None:
+    def __init__(
+        self,
+        model: Model,
+        camera: PinholeCamera,
+        use_points: bool = True,
+        gamma: float = 2.2,
+        readout_time: float = 0.0,
+        edge_std: Array | None = None,
+    ) -> None:
+        self._readout_time, self._edge_std = readout_time, edge_std
+        self._per_row = 0.0  # of the time since the last image, in which a unit of the normalised image is read
+        self._time: float | None = None  # of this image, and of the last one with a pose [s]
+        self._last_time: float | None = None
         self.model = model
         self.camera = camera
         self._core = compiled.EdgeModel(model.vertices, model.edges, model.triangles, model.edge_triangles)
@@ -146,6 +165,8 @@ class LineTracker:
         self._trusted: Pose | None = None  # the last one of TRACKING
         self._losses = 0  # images since the last good one
         self._squares = self._freedom = _CLAIMED  # of the residuals of recent images
+        self._residuals = np.full((len(model), 2), np.nan)  # of each edge, as remembered; unknown at first
+        self._lasting = 0.0  # what residuals share with those remembered, as a sum like the squares
         self._measure = 1.0  # share of the variance of lines that the last image asked for
         self._symmetry: Pose | None
         nothing = Pose(np.eye(3), np.zeros(3))
@@ -165,10 +186,12 @@ class LineTracker:
             pose: T_world_camera.
         """
         self._last = self._trusted = pose.inverse()
+        self._last_time = None
         self._doubt = _MIN_DOUBT
         self._losses = 1
         self._usual = None
         self._contrast[:] = 0.0
+        self._residuals[:], self._lasting = np.nan, 0.0
         self._memory.forget()
         if self._points is not None:
             self._points.forget()
@@ -178,12 +201,13 @@ class LineTracker:
         """The last pose that was found; None before the first."""
         return None if self._last is None else self._last.inverse()
 
-    def track(self, image: Image, pose: Pose | None = None) -> Tracking:
-        """Return where the object is in the next image.
+    def track(self, image: Image, pose: Pose | None = None, time: float | None = None) -> Tracking:
+        """Return where the object is in the next image; of a rolling shutter, when the row of its middle is read.
 
         Args:
             image: Grey, of the camera's size, dtype uint8.
             pose: T_world_camera expected, by a filter or the twist that was commanded; the last one if not given.
+            time: Of the image, on any clock [s]; a rolling shutter is not corrected where it is not given.
 
         Raises:
             ObservationError: If the image is not one of this camera, or no pose is given and none is known.
@@ -196,7 +220,10 @@ class LineTracker:
             # The loss may have begun unseen.
             predicted = self._trusted
         self._noise = compiled.image_noise(grey)
-        by_points = self._points.follow(grey, predicted) if self._points is not None else None
+        self._time, self._per_row = time, 0.0
+        if time is not None and self._last_time is not None and time > self._last_time and self._losses == 0:
+            self._per_row = self._readout_time / (time - self._last_time) * self.camera.fy / self.camera.height
+        by_points = self._points.follow(grey, predicted, self._reading) if self._points is not None else None
         ranges = _RANGES if self._losses == 0 else _SEARCH_RANGES
         fit = None
         if by_points is not None:
@@ -270,8 +297,11 @@ class LineTracker:
         compiled.search_edges(
             visible, image, camera.numbers, search_range, self._noise, self._gamma, self._contrast, self._memory
         )
+        reading = self._reading(pose)
+        if reading is not None:
+            self._core.correct_rows(visible, pose.rotation, pose.translation, reading.motion, reading.row, camera.focal)
         lines = compiled.fit_edge_lines(visible, camera.focal, search_range)
-        rotation, translation, found, scale, chosen, weights, squares = self._core.fit_pose(
+        rotation, translation, found, scale, chosen, weights, squares, residuals = self._core.fit_pose(
             lines, pose.rotation, pose.translation, prior.rotation, prior.translation, information
         )
         off = compiled.motion_between(rotation, translation, prior.rotation, prior.translation)
@@ -283,6 +313,7 @@ class LineTracker:
             distance,
             scale,
             squares,
+            residuals,
             information,
             np.array(lines.edges, dtype=int),
             lines.chosen(chosen),
@@ -292,6 +323,12 @@ class LineTracker:
             visible,
             lines,
         )
+
+    def _reading(self, pose: Pose) -> RowReading | None:
+        """Return how the rows are read if the object is at a pose; None for all at once, or if it is not known."""
+        if self._per_row == 0.0 or self._last is None:
+            return None
+        return RowReading.between(self._last, pose, self._per_row, self.model.center)
 
     def _concluded(self, image: Image, predicted: Pose, fit: _Fit | None, points: PointPose | None) -> Tracking:
         needed, found = self._needed(predicted, fit, points)
@@ -313,7 +350,8 @@ class LineTracker:
         self._losses = 0
         turn = math.sqrt(float(np.trace(covariance[3:, 3:])))
         state, reason = self._verdict(fit, deviation, turn, _FOUND_EXCESS if found else _GOOD_EXCESS, contradicted)
-        self._last = pose
+        reading = self._reading(pose)
+        self._last, self._last_time = pose, self._time
         if state is TrackingState.TRACKING:
             self._trusted = pose
         good = fit.weights > 0.5
@@ -328,11 +366,13 @@ class LineTracker:
         )
         if self._points is not None:
             growth = 1.0 if fit.by_points_alone else _FORGETTING
-            self._points.anchor(image, points, pose, growth * covariance, fit.excess >= _GOOD_EXCESS, self._noise)
+            self._points.anchor(
+                image, points, pose, growth * covariance, fit.excess >= _GOOD_EXCESS, self._noise, reading
+            )
         # Lines that contradict each other are not off by noise: wrong ones move a pose by more than their scatter says.
         # Points know how it moved all the same.
         contradiction = max(1.0, fit.scale) ** 2
-        covariance = contradiction * covariance
+        covariance = contradiction * covariance + self._by_model(fit)
         T_world_camera = pose.inverse()
         return Tracking(
             state,
@@ -344,6 +384,16 @@ class LineTracker:
             fit.chance,
             0 if points is None else len(points.points),
         )
+
+    def _by_model(self, fit: _Fit) -> Array:
+        """Return the covariance of the pose by what edges are off by, shape (6, 6)."""
+        if self._edge_std is None:
+            return _NOTHING
+        vertices = self.model.vertices @ fit.T_camera_model.rotation.T + fit.T_camera_model.translation
+        ends = vertices[self.model.edges[fit.edges]]
+        weights = fit.weights / max(fit.scale, 1.0) ** 2
+        std = self._edge_std[fit.edges]
+        return model_covariance(ends, fit.lines[:, :5], weights, fit.information, fit.prior, std)
 
     def _needed(self, predicted: Pose, fit: _Fit | None, points: PointPose | None) -> tuple[float, bool]:
         """Return the least excess that makes a pose one, and whether it was found by a search."""
@@ -373,18 +423,23 @@ class LineTracker:
 
         Source: the variance of M-estimates (Huber 1981) over recent images, or of this one where it is larger.
         """
-        if fit.by_points_alone:
-            # These residuals are those of the points' pose as well.
-            self._measure = max(self._squares / self._freedom / _SHOWN**2, _MIN_SHARE)
-            return self._measure
-        if fit.scale < _MAX_SCALE:
+        if not fit.by_points_alone and fit.scale < _MAX_SCALE:
             self._squares = _REMEMBERED * self._squares + fit.squares
             self._freedom = _REMEMBERED * self._freedom + fit.freedom
+            before = self._residuals[fit.edges]
+            new = np.isnan(before)
+            shared = fit.weights[:, np.newaxis] * fit.residuals * np.where(new, 0.0, before)
+            self._lasting = _REMEMBERED * self._lasting + float(shared.sum())
+            followed = before + _FOLLOWED * (fit.residuals - before)
+            self._residuals[fit.edges] = np.where(new, fit.residuals, followed)
         variance = self._squares / self._freedom
-        if fit.freedom > 1.0:
+        # Residuals at the pose of points are those of that pose as well.
+        if fit.freedom > 1.0 and not fit.by_points_alone:
             variance = max(variance, fit.squares / fit.freedom)
+        variance += _LASTING * max(self._lasting, 0.0) / self._freedom
         # A fit counts a scale above 1 itself.
-        self._measure = max(variance / (_SHOWN * max(fit.scale, 1.0)) ** 2, _MIN_SHARE)
+        scale = 1.0 if fit.by_points_alone else max(fit.scale, 1.0)
+        self._measure = max(variance / scale**2, _MIN_SHARE)
         return self._measure
 
     def _verdict(

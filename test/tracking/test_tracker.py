@@ -36,7 +36,7 @@ def test_a_face_seen_straight_on_from_afar_leaves_the_rotation_uncertain(distanc
 def test_a_moving_box_is_tracked_and_its_uncertainty_is_honest(camera, patches, noise):
     drawing = renderer(camera=camera, patches=patches, background=0.02)
     random = np.random.default_rng(1)
-    true = [orbit(k) for k in range(30)]
+    true = [orbit(k) for k in range(90)]
     images = [drawing.render(pose.inverse(), noise, random) for pose in true]
     results = followed(LineTracker(box(), camera), images, true[0])
     assert all(each.state == TrackingState.TRACKING for each in results)
