@@ -847,6 +847,14 @@ def isolated_points(
 
 # rollout_binding.cpp
 
+# A run is over within these of the target for so long [m], [rad], [s]; harm AWAY is farther from it than so many times
+# the start's distance and so much more [m].
+ARRIVED_DISTANCE: float
+ARRIVED_ANGLE: float
+ARRIVED_TIME: float
+AWAY_FACTOR: float
+AWAY_MARGIN: float
+
 def roll_out(
     direction: Array,
     moment: Array,

@@ -5,8 +5,7 @@ namespace plsing {
 
 namespace {
 
-constexpr double kArrivedDistance = 0.05, kArrivedAngle = 2.0 * M_PI / 180.0, kArrivedTime = 1.0;
-constexpr double kAwayFactor = 1.5, kAwayMargin = 0.05, kDemandFactor = 1.5, kRounding = 1e-9;
+constexpr double kDemandFactor = 1.5, kRounding = 1e-9;
 constexpr double kFineTime = 1.0;  // In which each frame is a step [s].
 constexpr int kFewestLines = 3;
 

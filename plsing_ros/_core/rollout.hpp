@@ -13,6 +13,11 @@
 
 namespace plsing {
 
+// A run is over within these of the target for so long; harm is farther from it than so many times the start, and so
+// much more.
+constexpr double kArrivedDistance = 0.05, kArrivedAngle = 2.0 * M_PI / 180.0, kArrivedTime = 1.0;
+constexpr double kAwayFactor = 1.5, kAwayMargin = 0.05;
+
 // A line of the scene, and what is seen of it at the target.
 struct SceneLine {
     Vector3d direction, moment, ends[2];

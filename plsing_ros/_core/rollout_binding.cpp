@@ -284,6 +284,11 @@ Vector6d compute_rollout_twist(const Rows3 &direction, const Rows3 &moment, cons
 
 void bind_rollout(py::module_ &module)
 {
+    module.attr("ARRIVED_DISTANCE") = kArrivedDistance;
+    module.attr("ARRIVED_ANGLE") = kArrivedAngle;
+    module.attr("ARRIVED_TIME") = kArrivedTime;
+    module.attr("AWAY_FACTOR") = kAwayFactor;
+    module.attr("AWAY_MARGIN") = kAwayMargin;
     module.def("roll_out", &roll_out_all, py::arg("direction"), py::arg("moment"), py::arg("ends"), py::arg("target"),
                py::arg("covariances"), py::arg("residuals"), py::arg("believed"), py::arg("loci"), py::arg("path"),
                py::arg("law"), py::arg("loop"), py::arg("state"), py::arg("rotations"), py::arg("translations"), py::arg("seed"),

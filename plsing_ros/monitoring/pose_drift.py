@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
+from plsing_ros import _core
 from plsing_ros.parameters import ControllerParameters
 
 # The camera follows an error of its pose for about so long before the images of its motion correct it [s].
 _FOLLOWED = 2.0
-# As roll-outs count harm AWAY: farther off than this share of the start's distance, and than this [m].
-_SHARE, _MARGIN = 0.5, 0.05
 
 
 def may_stray(deviation: float, gain: float, distance: float) -> bool:
@@ -25,4 +24,5 @@ def may_stray(deviation: float, gain: float, distance: float) -> bool:
     Source: new, docs/concepts/risk.md; the two seconds are those of runs that began at a singularity.
     """
     drift = ControllerParameters.slow_scale * gain * deviation * _FOLLOWED
-    return drift > max(_SHARE * distance, _MARGIN)
+    # Farther off than this is harm AWAY.
+    return drift > max((_core.AWAY_FACTOR - 1.0) * distance, _core.AWAY_MARGIN)

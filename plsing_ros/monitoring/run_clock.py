@@ -9,11 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from plsing_ros import _core
 from plsing_ros.geometry import Pose
 
 _SECOND = 1_000_000_000
-# Within these of the target for this long a run is over, and the next one begins [m], [rad], [s].
-_ARRIVED, _ARRIVED_ANGLE, _ARRIVED_TIME = 0.05, math.radians(2.0), 1.0
 # A camera that was not told to move for this long rests: what comes next is another run [ns].
 _REST = _SECOND
 # Standard deviations that the start may be off by.
@@ -74,12 +73,12 @@ class RunClock:
         distance, angle = distance_between(here, target, used)
         self.distance = distance
         rests = self._moved is None or stamp - self._moved > _REST
-        if not (distance <= _ARRIVED and angle <= _ARRIVED_ANGLE):
+        if not (distance <= _core.ARRIVED_DISTANCE and angle <= _core.ARRIVED_ANGLE):
             self._arrived_since = None
         elif self._arrived_since is None:
             self._arrived_since = stamp
         self.arrived_for = 0.0 if self._arrived_since is None else (stamp - self._arrived_since) / _SECOND
-        if self.start is None or rests or self.arrived_for >= _ARRIVED_TIME or stamp < self.start:
+        if self.start is None or rests or self.arrived_for >= _core.ARRIVED_TIME or stamp < self.start:
             self.start, self.start_distance, self.first_speeds = stamp, distance, (-1.0, -1.0)
             self.arrived_for, self._arrived_since, self._gone = 0.0, None, 0.0
             self._most = distance + _DEVIATIONS * deviation
