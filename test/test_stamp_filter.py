@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
+from messages import mentions
 
 from plsing_ros.stamp_filter import StampFilter
 
@@ -38,7 +39,7 @@ def test_others_are_refused_and_leave_no_trace(fresh, stamp, words):
 def test_a_stamp_that_goes_back_is_refused_but_a_repeated_one_is_not(fresh):
     assert fresh.refusal(NOW, NOW) is None
     assert fresh.refusal(NOW, NOW) is None
-    assert "out of order: stamped 0.05 s before" in fresh.refusal(NOW - SECOND // 20, NOW)
+    assert mentions(fresh.refusal(NOW - SECOND // 20, NOW), "out of order", "0.05 s")
 
 
 def test_silence_grows_with_the_clock_and_ends_with_a_message(fresh):
@@ -55,7 +56,7 @@ def test_a_clock_that_jumps_back_starts_anew(fresh):
     earlier = NOW - 100 * SECOND
     assert fresh.refusal(earlier, earlier) is None
     fresh.refusal(NOW, NOW)
-    assert "received yet" in fresh.silence(earlier)
+    assert mentions(fresh.silence(earlier), "features")
 
 
 def test_a_clock_that_goes_back_by_less_than_the_tolerance_has_not_jumped(fresh):
@@ -88,5 +89,5 @@ def test_messages_that_come_too_seldom_are_refused_with_both_numbers():
     for stamp in stamps:
         steady.silence(stamp - SECOND // 100)
         answers.append(steady.refusal(stamp, stamp))
-    assert answers[0] is None and all("0.25 s" in each and "features_timeout is 0.2 s" in each for each in answers[1:])
+    assert answers[0] is None and all(mentions(each, "0.25 s", "features_timeout", "0.2 s") for each in answers[1:])
     assert steady.refusal(stamps[-1] + SECOND // 10, stamps[-1] + SECOND // 10) is None

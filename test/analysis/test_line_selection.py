@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from messages import mentions
 from strategies import line_sets, poses
 
 import plsing_ros as pl
@@ -139,7 +140,7 @@ def test_lines_out_of_view_do_not_count():
     lines, ends = segments(8)
     behind = [pl.Pose.look_at((4, 0, 1), (8, 0, 1))]
     chosen = select_lines(lines, 4, behind, ends=ends)
-    assert np.isinf(chosen.deviation) and "too few in view" in str(chosen)
+    assert np.isinf(chosen.deviation) and mentions(str(chosen), "view")
     # With no ends, a line goes on to where the camera looks.
     assert np.isfinite(select_lines(lines, 4, behind, max_angle=np.pi / 2).deviation)
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
+import re
 
 import pytest
+from messages import mentions
 
 from plsing_ros.cli.analyze import main
 from plsing_ros.geometry.scene_file import read_scene
@@ -22,30 +24,30 @@ def test_tells_the_loci_of_the_papers_scene(capsys):
 def test_at_a_point_of_the_transversal_the_lost_motion_is_along_it(capsys):
     assert main([PAPER, "--at", "0.3962", "-4.337", "7.50"]) == 0
     nearest = capsys.readouterr().out.split("camera at")[1].splitlines()[1]
-    assert nearest.endswith("m from transversal 1")
+    assert mentions(nearest, "transversal 1")
     assert float(nearest.split()[0]) < 1e-3  # the paper prints four digits
 
 
 def test_away_from_all_loci_no_motion_is_lost(capsys):
     assert main([PAPER, "--at", "5", "2", "3"]) == 0
-    assert "no motion is lost there" in capsys.readouterr().out
+    assert mentions(capsys.readouterr().out, "no motion")
 
 
 def test_a_file_that_cannot_be_read_is_one_line(capsys):
     assert main(["/nowhere.yaml"]) == 1
-    assert capsys.readouterr().err.startswith("analyze: cannot read scene file /nowhere.yaml")
+    assert mentions(capsys.readouterr().err, "analyze", "scene file", "/nowhere.yaml")
 
 
 def test_a_camera_that_is_nowhere_is_refused(capsys):
     assert main([PAPER, "--at", "nan", "0", "0"]) == 1
-    assert "--at[0] is nan" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "--at[0]", "nan")
 
 
 def test_proofs_are_printed_on_request(capsys):
     assert main([PAPER, "--certify"]) == 0
     output = capsys.readouterr().out
-    assert "Exactly ten isolated points, 6 of them real" in output
-    assert "Not proved" not in output
+    assert re.search(r"ten isolated points\b.*\b6\b.*\breal", output)
+    assert "not proved" not in output.lower()
 
 
 def test_a_page_is_written_on_request(tmp_path, capsys):
@@ -60,7 +62,7 @@ def test_a_page_is_written_on_request(tmp_path, capsys):
 
 def test_a_page_that_cannot_be_written_is_one_line(tmp_path, capsys):
     assert main([PAPER, "--page", str(tmp_path / "missing" / "scene.html")]) == 1
-    assert capsys.readouterr().err.startswith("analyze: cannot write the page")
+    assert mentions(capsys.readouterr().err, "analyze", "page", "scene.html")
 
 
 def test_a_path_across_the_transversal_is_bad_and_says_where(capsys, tmp_path):
@@ -80,7 +82,7 @@ def test_a_path_across_the_transversal_is_bad_and_says_where(capsys, tmp_path):
     ]
     assert main([PAPER, *on_both_sides, "--view", "170", "--output", str(tmp_path / "report")]) == 0
     output = capsys.readouterr().out
-    assert "of transversal 1" in output and "use law detour" in output
+    assert mentions(output, "transversal 1", "law detour")
     assert (tmp_path / "report" / "path.png").stat().st_size > 10_000
 
 
@@ -96,7 +98,7 @@ def test_a_workspace_as_json(capsys):
 
 def test_a_target_that_sees_nothing_is_bad(capsys):
     assert main([PAPER, "--target", "5", "2", "3", "--look-at", "50", "20", "30", "--view", "5"]) == 0
-    assert "fewer than three lines are in view" in capsys.readouterr().out
+    assert mentions(capsys.readouterr().out, "bad", "three lines", "view")
 
 
 def test_json_without_poses_says_what_is_missing(capsys):
@@ -113,8 +115,8 @@ def test_a_flat_model_is_singular_in_its_plane_and_the_words_and_the_page_say_so
     model.write_text(FLAT)
     assert main([str(model), "--page", str(page)]) == 0
     said = capsys.readouterr().out
-    assert "With 1 mm and 1 mrad this scene is, as far as the map can tell, singular:" in said
-    assert "in the plane y = 0 m" in said and "mm of it" in said
+    assert mentions(said, "1 mm", "1 mrad", "singular")
+    assert mentions(said, "plane y = 0 m")
     named = "in the plane y = 0 m" in page.read_text()
     assert named
 

@@ -3,6 +3,7 @@
 
 import matplotlib.image
 import pytest
+from messages import mentions
 
 from plsing_ros.cli import demo
 from plsing_ros.simulation import near_transversal
@@ -12,7 +13,7 @@ def test_runs_a_start_and_leaves_a_table_and_figures(tmp_path, capfd, monkeypatc
     monkeypatch.setattr(near_transversal, "MAX_STEPS", 250)  # past the blow-up of Start 2
     assert demo.main(["--starts", "2", "--output", str(tmp_path / "new" / "folder")]) == 0
     output = capfd.readouterr().out
-    assert "Start 2" in output and "250, not arrived" in output
+    assert mentions(output, "Start 2", 250, "not arrived")
     assert "CRITICAL: " in output
     figures = sorted((tmp_path / "new" / "folder").glob("*.png"))
     assert [file.stem for file in figures] == [
@@ -31,7 +32,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path, capsys):
     blocked = tmp_path / "file"
     blocked.write_text("")
     assert demo.main(["--starts", "1", "--output", str(blocked)]) == 1
-    assert f"cannot write the figures to {blocked}" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "figures", blocked)
 
 
 @pytest.mark.parametrize("arguments", [["--starts", "5"], ["--starts", "x"], ["--fast"]])

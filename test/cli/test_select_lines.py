@@ -4,6 +4,7 @@ import json
 import numpy as np
 import pytest
 import yaml
+from messages import mentions
 
 from plsing_ros.cli.select_lines import main
 from plsing_ros.geometry.model_files import read_model
@@ -32,7 +33,7 @@ def scene(tmp_path):
 def test_it_chooses_says_why_and_draws(scene, tmp_path, capsys):
     assert main([scene, *POSES, "--output", str(tmp_path / "chosen")]) == 0
     output = capsys.readouterr().out
-    assert "a random choice (median)" in output and "without it" in output and "the longest lines" in output
+    assert mentions(output, "random", "longest", "without it")
     assert (tmp_path / "chosen" / "selection.png").stat().st_size > 5_000
 
 
@@ -49,7 +50,7 @@ def test_json_is_the_same_answer_for_a_path_from_a_file(scene, tmp_path, capsys)
 
 def test_a_workspace_is_a_box(scene, capsys):
     assert main([scene, "--box", "2", "-1", "0.5", "3", "1", "1.5", "--clearance", "1e3"]) == 0
-    assert "no set of lines keeps the clearance" in capsys.readouterr().out
+    assert mentions(capsys.readouterr().out, "clearance")
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from hypothesis import assume, given
+from messages import mentions
 from strategies import poses, seen_lines, twists, vectors
 
 from plsing_ros.control.command import Command, Mode
@@ -82,20 +83,20 @@ def test_zero_twists_then_silence():
 
 def test_the_gate_opens_for_a_recent_status_of_an_allowed_level():
     gate = StatusGate(Level.WARN, 0.5, 0.1)
-    assert "no singularity statuses received yet" in gate.closed(SECOND)
+    assert mentions(gate.closed(SECOND), "singularity statuses")
     gate.receive(int(Level.WARN), "near", SECOND, SECOND)
     assert gate.closed(SECOND) is None
-    assert "no singularity statuses for 0.6 s" in gate.closed(SECOND * 16 // 10)
+    assert mentions(gate.closed(SECOND * 16 // 10), "singularity statuses", "0.6 s")
     for level in (Level.CRITICAL, Level.STALE, Level.UNOBSERVABLE, Level.DISABLED):
         gate.receive(int(level), "because", 2 * SECOND, 2 * SECOND)
-        assert f"the monitor says {level.name}, allowed is WARN: because" in gate.closed(2 * SECOND)
+        assert mentions(gate.closed(2 * SECOND), level.name, "WARN", "because")
     gate.receive(0, "", 3 * SECOND, 3 * SECOND)
     assert gate.closed(3 * SECOND) is None
     gate.receive(99, "", 3 * SECOND, 3 * SECOND)  # no level at all
     assert gate.closed(3 * SECOND) is None
     gate.receive(int(Level.CRITICAL), "", SECOND, 3 * SECOND)  # old news
     assert gate.closed(3 * SECOND) is None
-    assert "level 99 is none" not in (gate.closed(3 * SECOND) or "")
+    assert gate.closed(3 * SECOND) is None
 
 
 @given(T_world_camera=poses(), T_tool_camera=poses(), twist=twists())

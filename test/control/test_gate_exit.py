@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from messages import mentions
 
 from plsing_ros.control.command import Command, Mode
 from plsing_ros.control.gate_exit import LEAVING_SPEED, leave
@@ -61,7 +62,8 @@ def test_the_direction_named_is_the_axis_along_which_the_condition_rises_most():
             twist = np.zeros(6)
             twist[row] = LEAVING_SPEED if sign == "+" else -LEAVING_SPEED
             gains[sign + axis] = inverse_condition(NEAR.integrate(twist, 1.0))
-    assert f"it may leave along {max(gains, key=gains.get)} of the camera" in left.reason
+    assert f" {max(gains, key=gains.get)} " in left.reason
+    assert not any(f" {each} " in left.reason for each in gains if each != max(gains, key=gains.get))
 
 
 def controller(gate):
@@ -86,7 +88,7 @@ def test_a_controller_leaves_while_the_monitor_alarms_and_stands_when_nobody_wat
     assert not answer(servo).twist.any()
     servo.gate.receive(int(Level.CRITICAL), "near", SECOND, SECOND)
     left = answer(servo)
-    assert "the monitor says CRITICAL" in left.reason
+    assert mentions(left.reason, "CRITICAL")
     assert np.linalg.norm(left.twist[:3]) <= LEAVING_SPEED * (1.0 + 1e-12)
     servo.gate.receive(int(Level.UNOBSERVABLE), "blind", SECOND, SECOND)
     assert answer(servo).mode is Mode.HALTED
@@ -95,6 +97,6 @@ def test_a_controller_leaves_while_the_monitor_alarms_and_stands_when_nobody_wat
 def test_gate_risk_waits_for_the_first_answer():
     servo = controller("risk")
     servo.gate.receive(int(Level.OK), "", SECOND, SECOND)
-    assert "has not said a risk yet" in answer(servo).reason and not answer(servo).twist.any()
+    assert mentions(answer(servo).reason, "risk") and not answer(servo).twist.any()
     servo.gate.receive(int(Level.OK), "", SECOND, SECOND, has_risk=True)
     assert answer(servo).mode is Mode.SERVOING

@@ -175,7 +175,7 @@ def test_a_target_without_3d_lines_is_said(law):
     servo = servo_with(law)
     image = seen_by(TARGET)
     servo.set_target(LineObservation(image.ids, image.image_lines, image.usable, None))
-    with pytest.raises(ObservationError, match="need the target's 3-D lines"):
+    with pytest.raises(ObservationError, match="target.*3-D lines"):
         servo.answer(seen_by(TARGET), SECOND, SECOND)
 
 
@@ -208,11 +208,11 @@ def last_reasons(servo):
 def test_features_that_are_answered_late_are_said_unless_looked_ahead_by():
     for gain, latency, said in ((2.0, 0.0, True), (2.0, 0.4, False), (0.2, 0.0, False)):
         first, last = last_reasons(servo_with("pinv", gain=gain, latency=latency))
-        assert "set latency" not in first and ("set latency" in last) is said
+        assert "latency" not in first and ("latency" in last) is said
 
 
 def test_gain_times_latency_is_limited():
-    with pytest.raises(ParameterError, match="times 'latency'"):
+    with pytest.raises(ParameterError, match="'latency'"):
         servo_with("pinv", gain=10.0, latency=0.5)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from messages import mentions
 from strategies import poses, seen_lines, vectors
 
 from plsing_ros.control.servo_controller import Mode, ServoController
@@ -184,8 +185,8 @@ def test_an_error_whose_twist_no_number_can_tell_halts_and_a_large_one_does_not(
     else:
         # The norm of the smaller one can be told, but not the twist.
         assert command.mode is Mode.HALTED
-        assert command.reason.startswith("the control law gave a twist that is not finite")
-        assert command.reason.endswith(f"from an error of {2.0 * size:.3g}")
+        assert mentions(command.reason, "twist", "not finite")
+        assert mentions(command.reason, "error", f"{2.0 * size:.3g}")
 
 
 @given(stamp=st.integers(-(2**63), 2**63), now=st.integers(0, 2**63))
@@ -209,7 +210,7 @@ def test_changed_parameters_act_at_the_next_step_and_bad_ones_change_nothing():
         "lines.directions": servo.parameters.lines_directions[:9],
         "target.position": (1.0, 0.0, 0.0),
     }
-    with pytest.raises(PlsingError, match="target pose: only 2 usable"):
+    with pytest.raises(PlsingError, match="target pose.*2 usable"):
         servo.parameters = servo.parameters.with_values(in_a_line_of_three)
     np.testing.assert_allclose(servo.answer(observation(lines, start), NOW, NOW).twist, 2.0 * before)
 
@@ -310,7 +311,7 @@ def test_a_target_on_a_transversal_is_refused_or_accepted_on_request():
     command = servo.answer(observation(lines, start_pose(1)), NOW, NOW)
     assert command.mode is Mode.REFUSED and np.all(command.twist == 0.0)
     assert "singularity" in command.reason and "1e-06" in command.reason
-    assert "m from transversal 1" in command.reason
+    assert mentions(command.reason, "transversal 1")
     servo.parameters = servo.parameters.with_values({"target.min_inverse_condition_number": 0.0})
     assert servo.answer(observation(lines, start_pose(1)), NOW, NOW).mode is Mode.SERVOING
 
@@ -319,7 +320,7 @@ def test_a_threshold_that_stops_the_task_short_is_warned_of():
     lines, target = SCENE
     assert servo_for(lines, target).warning == ""
     warning = servo_for(lines, target, pinv_threshold=1e-3).warning
-    assert "pinv_threshold 0.001 is above the target's own inverse condition number 0.000409" in warning
+    assert mentions(warning, "pinv_threshold", 0.001, "target", "inverse condition number", 0.000409)
     distance, _, _ = run_from(1, 1500, pinv_threshold=1e-3)
     assert distance[-1] > 0.1  # it is right
 
@@ -342,7 +343,7 @@ def test_a_target_that_no_pose_reaches_is_a_stall():
         modes.append(command.mode)
     assert modes[0] is Mode.SERVOING and modes[-1] is Mode.STALLED
     assert command.error_norm > 0.1
-    assert "a local minimum, or a target that no camera pose reaches" in command.reason
+    assert mentions(command.reason, "local minimum", "target")
     servo.set_target(at_target)
     assert servo.answer(observation(lines, pose), now, now).mode is Mode.SERVOING  # a stall can be left
 
@@ -364,7 +365,7 @@ def test_estimated_lines_are_trusted_as_far_as_they_say(verdict, values, mode, s
     command = servo_for(*SCENE, **values).answer(seen, NOW, NOW)
     assert command.mode is mode
     if mode is Mode.HALTED:
-        assert verdict.name in command.reason and "two poses fit" in command.reason
+        assert mentions(command.reason, verdict.name, "two poses fit")
     else:
         np.testing.assert_allclose(command.twist, scale * plain)
         assert command.scale == scale

@@ -55,5 +55,5 @@ def test_a_characteristic_length_that_is_not_positive_is_refused(length):
 
 
 def test_a_matrix_of_another_shape_is_refused():
-    with pytest.raises(GeometryError, match=r"matrix has shape \(5, 5\), expected \(n, 6\)"):
+    with pytest.raises(GeometryError, match=r"matrix.*\(5, 5\).*\(n, 6\)"):
         conditioning(np.eye(5))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from messages import mentions
 from scipy.spatial.transform import Rotation
 from strategies import numbers, vectors
 
@@ -52,16 +53,14 @@ def test_consistent_features_pass_with_and_without_a_scene():
 @pytest.mark.parametrize("focal_length", [50.0, 500.0, -500.0])
 def test_offsets_in_pixels(focal_length):
     reason = contradiction(changed(seen_from(), image=np.array([1.0, 1.0, focal_length])))
-    assert reason is not None and f"{focal_length:.3g} times" in reason and "not in pixels" in reason
+    assert reason is not None and mentions(reason, f"{focal_length:.3g} times", "pixels")
 
 
 @pytest.mark.parametrize("negative", [(1,), (3,), (2, 4), (1, 2, 3, 4)])
 def test_negated_image_lines_are_named(negative):
     reason = contradiction(changed(seen_from(), image=signs(*negative)))
     named = ", ".join(map(str, negative))
-    assert (
-        reason is not None and f"line{'s' if len(negative) > 1 else ''} {named} " in reason and "turned round" in reason
-    )
+    assert reason is not None and mentions(reason, f"line{'s' if len(negative) > 1 else ''} {named}", "turned round")
 
 
 @pytest.mark.parametrize("negative", [(1,), (2,), (3,), (4,), (1, 3), (2, 3)])
@@ -81,15 +80,15 @@ def test_offsets_made_positive_as_hough_transforms_give_them():
 
 
 def test_ids_that_are_exchanged_are_named():
-    assert "lines 1 and 2 have each other's ids" in contradiction(changed(seen_from(), ids=(2, 1, 3, 4)))
+    assert mentions(contradiction(changed(seen_from(), ids=(2, 1, 3, 4))), "lines 1 and 2", "ids")
     seen = seen_from()
     rows_exchanged = LineObservation(seen.ids, seen.image_lines[[1, 0, 2, 3]], seen.usable, seen.lines_camera)
-    assert "image lines 1 and 2 are exchanged" in contradiction(rows_exchanged)
+    assert mentions(contradiction(rows_exchanged), "image lines 1 and 2", "exchanged")
 
 
 @pytest.mark.parametrize("factor", [0.2, 1.5, 5.0, 1000.0])
 def test_a_wrong_scale_is_named_with_its_factor(factor):
-    assert f"{factor:.3g} times too large" in contradiction(changed(seen_from(), moment=factor))
+    assert mentions(contradiction(changed(seen_from(), moment=factor)), f"{factor:.3g} times")
 
 
 def test_a_scale_that_can_be_corrected_passes():
@@ -105,7 +104,7 @@ def test_a_scale_that_can_be_corrected_passes():
     ],
 )
 def test_a_pose_that_contradicts_exact_lines(told):
-    assert "camera_pose is" in contradiction(seen_from(), told)
+    assert mentions(contradiction(seen_from(), told), "camera_pose")
 
 
 def test_unknown_ids_are_left_out_and_named():
@@ -120,7 +119,7 @@ def test_what_cannot_be_checked_is_said():
     seen = seen_from()
     image_only = LineObservation(seen.ids, seen.image_lines, seen.usable, None)
     assert contradiction(image_only) is None
-    assert "cannot be checked" in ConsistencyCheck(PAPER).unchecked(image_only)
+    assert mentions(ConsistencyCheck(PAPER).unchecked(image_only), "image lines", "3-D lines", "pose_estimator")
     assert "scene" in ConsistencyCheck(None).unchecked(seen)
 
 
@@ -129,7 +128,7 @@ def test_a_line_that_was_moved_is_named():
     shift = np.outer([0.0, 0.0, 0.0, 0.0, 1.0], [0.0, 0.5, 0.0])
     moved = LineSet.from_points_directions(scene.point + shift, scene.direction)
     reason = contradiction(seen_from(scene=moved), scene=scene)
-    assert reason is not None and "line 5 is not where the scene has it" in reason
+    assert reason is not None and mentions(reason, "line 5", "scene")
 
 
 def test_one_of_parallel_lines_that_points_the_other_way():
@@ -137,7 +136,7 @@ def test_one_of_parallel_lines_that_points_the_other_way():
     seen = seen_from(Pose.look_at([1.0, 0.8, -1.0], [1.1, 1.0, 5.0], down=(0.0, -1.0, 0.0)), corridor)
     assert contradiction(seen, scene=corridor) is None
     sign = signs(3)
-    assert "line 3 is reversed" in contradiction(changed(seen, sign, sign, sign), scene=corridor)
+    assert mentions(contradiction(changed(seen, sign, sign, sign), scene=corridor), "line 3", "reversed")
 
 
 @given(shift=vectors(3, -0.012, 0.012), turn=vectors(3, -0.01, 0.01), noise=vectors(12, -0.03, 0.03))

@@ -20,11 +20,11 @@ def test_the_shortest_of_the_least_squares_solutions(shape):
 @pytest.mark.parametrize("rows", [3, 6, 12])
 @pytest.mark.parametrize("more", [-3, -1, 1])
 def test_a_right_side_of_another_length_is_refused(rows, more):
-    with pytest.raises(GeometryError, match=f"has {rows + more} values for an interaction matrix of {rows} rows"):
+    with pytest.raises(GeometryError, match=rf"\b{rows + more}\b.*interaction matrix.*\b{rows}\b"):
         solve_least_squares(np.ones((rows, 6)), np.ones(rows + more))
 
 
 @pytest.mark.parametrize("lengths", [(9, 12), (12, 9)])
 def test_features_of_different_lengths_have_no_difference(lengths):
-    with pytest.raises(GeometryError, match=r"s has {} values and s\* has {}".format(*lengths)):
+    with pytest.raises(GeometryError, match=r"\bs\b.*\b{}\b.*s\*.*\b{}\b".format(*lengths)):
         feature_error(np.zeros(lengths[0]), np.zeros(lengths[1]))

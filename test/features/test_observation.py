@@ -30,7 +30,7 @@ def test_rows_of_other_lengths_are_refused(given, message, seen):
 @pytest.mark.parametrize("covariance", [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, -1.0]])
 def test_a_covariance_that_is_none_is_refused_where_the_line_is_used(covariance):
     rows, covariances = np.array([[0.0, 1.0, 0.0]] * 2), np.array([[1e-6, 1e-7, 1e-6], covariance])
-    with pytest.raises(ObservationError, match="the covariance of image line 7 is"):
+    with pytest.raises(ObservationError, match=r"covariance.*\bline 7\b"):
         LineObservation((3, 7), rows, covariances=covariances)
     seen = LineObservation((3, 7), rows, [True, False], covariances=covariances)
     np.testing.assert_array_equal(seen.usable_covariances, covariances[:1])
@@ -61,8 +61,8 @@ def test_a_repeated_id_among_many_is_found_without_comparing_each_to_each(monkey
     n = 1000
     monkeypatch.setattr(CountedId, "compared", 0)
     ids = tuple(map(CountedId, [*range(1, n + 1), n - 1, n]))
-    with pytest.raises(ObservationError, match=f"line id {n - 1} occurs more than once"):
+    with pytest.raises(ObservationError, match=rf"\bid {n - 1}\b"):
         LineObservation(ids, np.tile([0.0, 1.0, 0.0], (n + 2, 1)), np.ones(n + 2, dtype=bool), None)
-    with pytest.raises(GeometryError, match=f"id {n - 1} is given to more than one line"):
+    with pytest.raises(GeometryError, match=rf"\bid {n - 1}\b"):
         LineSet.from_points_directions(np.zeros((n + 2, 3)), np.ones((n + 2, 3)), ids=ids)
     assert CountedId.compared < 10 * n

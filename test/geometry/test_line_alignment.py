@@ -87,14 +87,14 @@ def test_a_reversed_line_is_named(lines, pose):
     first = int(np.flatnonzero(misfit <= 1e-7)[0]) + 1
     assert lines_to_reverse(lines, turned, 1e-6) == (first,)
     if align_lines(lines, turned).angle > 0.6:
-        with pytest.raises(ObservationError, match=r"line \d is reversed"):
+        with pytest.raises(ObservationError, match=r"\bline \d\b.*reversed"):
             pose_by_lines(lines, turned)
 
 
 def test_what_does_not_fix_a_pose_is_refused():
     parallel = LineSet.from_points_directions([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 1]] * 3)
     for count in (1, 2, 3):
-        with pytest.raises(GeometryError, match=rf"{count} seen line\(s\) are all parallel"):
+        with pytest.raises(GeometryError, match=rf"\b{count} seen line.*parallel"):
             align_lines(parallel, parallel.select(range(count)))
-    with pytest.raises(GeometryError, match="line id 3 is not in the scene, whose ids are"):
+    with pytest.raises(GeometryError, match=r"\bid 3\b.*\bids\b"):
         align_lines(parallel.select([0, 1]), parallel)

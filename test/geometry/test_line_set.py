@@ -93,7 +93,7 @@ def test_what_is_not_lines_is_refused_by_name(arguments, message):
 
 
 def test_plucker_coordinates_that_are_no_line_are_refused():
-    with pytest.raises(GeometryError, match=r"line 1: direction .* has length 2, expected 1"):
+    with pytest.raises(GeometryError, match=r"line 1\b.*direction.*length 2\b.*\b1\b"):
         LineSet(np.array([[2.0, 0, 0]]), np.zeros((1, 3)), "world")
-    with pytest.raises(GeometryError, match=r"line 4: moment .* is not orthogonal"):
+    with pytest.raises(GeometryError, match=r"line 4\b.*moment.*orthogonal"):
         LineSet(np.array([[1.0, 0, 0]]), np.array([[1.0, 1.0, 0]]), "world", (4,))

@@ -65,13 +65,13 @@ def test_bad_files_are_refused_by_name(tmp_path, content, message):
 
 
 def test_missing_and_binary_files_are_refused(tmp_path):
-    with pytest.raises(SceneFileError, match="cannot read scene file .*nowhere.yaml"):
+    with pytest.raises(SceneFileError, match="scene file.*nowhere.yaml"):
         read_scene(tmp_path / "nowhere.yaml")
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(SceneFileError, match="cannot read scene file"):
+    with pytest.raises(SceneFileError, match="scene file.*binary.yaml"):
         read_scene(tmp_path / "binary.yaml")
 
 
 def test_a_parameter_file_that_is_not_there_says_where_it_was_sought():
-    with pytest.raises(SceneFileError, match=r"nothing.yaml is neither in .*config nor"):
+    with pytest.raises(SceneFileError, match=r"nothing.yaml.*config"):
         config_file("nothing.yaml")

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from messages import mentions
 from near_transversal_scene import LOOK, SCENE, SECOND, TARGET
 
 from plsing_ros.features import LineObservation, interaction_matrix
@@ -57,11 +58,11 @@ def test_a_target_that_cannot_be_held_is_named_with_the_motion_and_the_size():
     # 10 cm from the transversal, a pixel of noise moves the camera along it by far more than across it.
     near = Pose(LOOK, TARGET.translation + [-0.28, 0.28, -0.28])
     calm, shaken = (SingularityMonitor(SCENE, near, camera={"image_noise": noise}, gain=0.5) for noise in (0.0, 2e-3))
-    assert "cannot be held" not in watch(calm, near, 20).reason
+    assert "target" not in watch(calm, near, 20).reason
     found = watch(shaken, near, 20)
     assert found.level in (Level.WARN, Level.CRITICAL)
     assert found.risk.shaking > 0.05
-    assert "cannot be held" in found.reason and "translation along transversal" in found.reason
+    assert "shaking" in found.kind and mentions(found.reason, "target", "translation", "transversal 1")
     assert f"{found.risk.shaking:.2g} m" in found.reason
 
 
@@ -105,8 +106,8 @@ def test_twists_that_are_not_those_of_the_law_are_noticed_and_the_law_is_not_rel
 
     for same in (plain(0.5), plain(0.5, 0.4)):
         found = said(same)
-        assert found.risk is not None and "not those" not in found.reason
+        assert found.risk is not None and "pinv" not in found.reason
     for other in (plain(0.5, 2.0), lambda seen: np.array([0.1, 0.0, 0.05, 0.0, 0.1, 0.0]), plain(0.5, -1.0)):
         found = said(other)
-        assert found.risk is None and "the twists are not those of pinv" in found.reason
+        assert found.risk is None and mentions(found.reason, "twists", "pinv")
         assert "other law" in found.kind

@@ -79,13 +79,13 @@ def test_the_healthy_goal_of_the_paper_is_not_alerted_once_it_is_known():
 
 def test_a_goal_without_lines_in_space_is_refused():
     image = seen(TARGET)
-    with pytest.raises(ObservationError, match="desired features: .*3-D lines"):
+    with pytest.raises(ObservationError, match="desired features.*3-D lines"):
         monitor_for().set_target(LineObservation(image.ids, image.image_lines, image.usable, None))
 
 
 def test_a_goal_with_two_lines_is_refused():
     two = LineObservation.of_lines(seen(TARGET).lines_camera.select([0, 2]))
-    with pytest.raises(ObservationError, match=r"desired features: .*2 usable .*\[1, 3\].* of 2; .*3"):
+    with pytest.raises(ObservationError, match=r"desired features.*\b2 usable.*\[1, 3\].*\b3\b"):
         monitor_for().set_target(two)
 
 

@@ -5,6 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from messages import mentions
 from near_transversal_scene import LOOK, SCENE, SECOND, START_2, TARGET
 from scipy.spatial.transform import Rotation
 
@@ -70,7 +71,7 @@ def test_the_papers_start_2_is_announced_at_the_first_features_and_start_1_is_no
     unlimited = {"max_linear_speed": 0.0, "max_angular_speed": 0.0}
     bad, good = Watched(**unlimited).see(START_2), Watched(**unlimited).see(CALM)
     assert bad.level in (Level.WARN, Level.CRITICAL)
-    assert bad.risk.demand > 1.0 and "speed expected" in bad.reason
+    assert bad.risk.demand > 1.0 and mentions(bad.reason, "speed")
     assert good.level is Level.OK and good.risk.probability < 0.05 and good.risk.time_to_harm is None
 
 
@@ -79,7 +80,7 @@ def test_harm_is_told_with_its_kind_and_time_which_runs_down():
     watched = Watched(camera__half_view=[0.02, 0.02], prediction__period=60.0)
     first = watched.see(CALM)
     assert first.risk.probability > 0.95 and first.risk.harm is Harm.FEW_LINES
-    assert first.level is Level.CRITICAL and "fewer than three lines stay in view" in first.reason
+    assert first.level is Level.CRITICAL and mentions(first.reason, "three lines", "view")
     late = Watched(max_linear_speed=0.001, prediction__period=60.0)
     found = late.see(START_2)
     assert found.risk.harm is Harm.LATE
@@ -234,11 +235,11 @@ def test_features_that_are_refused_keep_one_state_and_one_kind():
     for frame in range(40):
         found = watched.see(CALM, ids=[1, 2])
         if frame < 3:
-            assert found.level is Level.OK and "held for" in found.reason
+            assert found.level is Level.OK and mentions(found.reason, f"held for {frame + 1} frame")
             continue
         silent = watched.monitor.silence(watched.now + SECOND)
         said |= {(each.level, each.kind) for each in (found, silent)}
-        assert "no features" not in silent.reason
+        assert silent.level is not Level.STALE
     assert len(said) == 1 and {level for level, _ in said} == {Level.UNOBSERVABLE}
 
 
@@ -253,7 +254,7 @@ def test_lines_are_not_rolled_out_while_ambiguous_and_alert_from_the_second_fram
         found = watched.monitor.answer(doubtful, watched.now, watched.now)
         assert found.risk is None
         levels.append(found.level)
-    assert levels == [Level.OK, Level.CRITICAL, Level.CRITICAL] and "another pose fits" in found.reason
+    assert levels == [Level.OK, Level.CRITICAL, Level.CRITICAL] and mentions(found.reason, "another pose fits")
 
 
 def test_poor_lines_do_not_alert_where_samples_of_their_pose_are_rolled_out():

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from messages import mentions
 
 from paper.scenes import four_lines
 from plsing_ros.geometry import Pose
@@ -21,15 +22,14 @@ SCREW = np.array([8.0, -6.0, 1.0, 0.0, 0.0, 2.0])
 def test_a_screw_is_told_by_its_axis_in_the_scene(rotation):
     in_camera = np.concatenate([rotation.T @ SCREW[:3], rotation.T @ SCREW[3:]])
     text = unobservable_motion_text(in_camera, Pose(rotation, np.array([1.0, 2.0, 3.0])), SINGULAR, None)
-    assert text == "screw about the axis through (4, 6, 3) along (0, 0, 1), pitch 0.5 m/rad"
+    assert mentions(text, "screw", "(4, 6, 3)", "(0, 0, 1)", "0.5 m/rad") and "camera" not in text
 
 
 def test_without_a_pose_it_is_told_in_the_camera_frame():
-    assert unobservable_motion_text(SCREW, None, SINGULAR, None) == (
-        "screw about the axis through (3, 4, 0) along (0, 0, 1) in the camera frame, pitch 0.5 m/rad"
-    )
+    text = unobservable_motion_text(SCREW, None, SINGULAR, None)
+    assert mentions(text, "screw", "(3, 4, 0)", "(0, 0, 1)", "0.5 m/rad", "camera frame")
     along = np.concatenate([2.0 * SINGULAR.transversals[0].direction, np.zeros(3)])
-    assert unobservable_motion_text(along, None, SINGULAR, None).endswith(" in the camera frame")
+    assert mentions(unobservable_motion_text(along, None, SINGULAR, None), "translation", "camera frame")
 
 
 def test_of_two_transversals_along_the_motion_the_nearest_locus_is_named():
@@ -37,8 +37,9 @@ def test_of_two_transversals_along_the_motion_the_nearest_locus_is_named():
     both = replace(SINGULAR, transversals=(first, replace(first, name="transversal 2")))
     along, pose = np.concatenate([first.direction, np.zeros(3)]), Pose(np.eye(3), np.zeros(3))
     nearest = LocusDistance(Kind.TRANSVERSAL, "transversal 2", 0.1, np.zeros(3))
-    assert unobservable_motion_text(along, pose, both, nearest) == "translation along transversal 2"
-    assert unobservable_motion_text(along, pose, both, None) == "translation along transversal 1"
+    for near, name, other in ((nearest, "transversal 2", "transversal 1"), (None, "transversal 1", "transversal 2")):
+        text = unobservable_motion_text(along, pose, both, near)
+        assert mentions(text, "translation", name) and other not in text
 
 
 def test_another_translation_is_told_by_its_direction():
@@ -46,4 +47,4 @@ def test_another_translation_is_told_by_its_direction():
     sideways = np.concatenate([-across, np.zeros(3)])
     x, y, z = -across / np.linalg.norm(across)
     text = unobservable_motion_text(sideways, Pose(np.eye(3), np.zeros(3)), SINGULAR, None)
-    assert text == f"translation along ({x:.3g}, {y:.3g}, {z:.3g})"
+    assert mentions(text, "translation", f"({x:.3g}, {y:.3g}, {z:.3g})") and "transversal" not in text

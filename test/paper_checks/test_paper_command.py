@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command paper with short runs."""
 
+import re
 from dataclasses import replace
 
 import matplotlib.image
 import pytest
+from messages import mentions
 
 from paper import __main__ as paper
 from paper.tasks import STARTS_FOUR, TRAJECTORIES, paper_tasks
@@ -31,7 +33,7 @@ def test_one_group_leaves_a_page_and_figures(tmp_path, capfd, short):  # noqa: A
     assert "Trajectory 2" in (output / "scene.html").read_text(encoding="utf-8")
     printed = capfd.readouterr().out
     # In 0.4 s nothing of what the paper tells of can happen.
-    assert "of 4 statements hold" in printed and "does not hold, trajectories: Trajectory 1" in printed
+    assert re.search(r"\b\d of 4 statements", printed) and re.search(r"not hold.*Trajectory 1", printed)
     assert str(docs / "paper.md") in printed
 
 
@@ -39,7 +41,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path, capsys):
     blocked = tmp_path / "file"
     blocked.write_text("")
     assert paper.main(["--docs", str(blocked), "--output", str(tmp_path)]) == 1
-    assert f"cannot write to {blocked}" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, blocked)
 
 
 @pytest.mark.parametrize("arguments", [["--only", "everything"], ["--fast"], ["--jobs", "x"]])
@@ -52,4 +54,4 @@ def test_bad_arguments_are_refused(arguments, capsys):
 
 def test_no_processes_are_refused(capsys):
     assert paper.main(["--jobs", "0"]) == 1
-    assert "--jobs is 0" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, "--jobs", 0)

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Planned ways keep clear, as plain point-to-line distances say, or are refused with a reason."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from messages import mentions
 from plain_distances import distances
 from strategies import directions, numbers, vectors
 
@@ -53,7 +56,7 @@ def test_from_the_starts_of_the_paper(start, decision):
     apart = np.linalg.norm(centers - TARGET.translation, axis=1)
     assert apart.max() <= 1.2 * apart[0]
     if decision is Decision.DETOUR:
-        assert "transversal 1 is 0.00" in plan.reason
+        assert re.search(r"\btransversal 1\b.*\b0\.00", plan.reason)
         # The straight path would have met it.
         assert distances(np.linspace(start.position, TARGET.translation, 500), SINGULAR).min() < 0.003
         assert distances(centers, SINGULAR).min() > 0.14
@@ -140,7 +143,7 @@ def test_a_target_on_a_locus_is_refused_or_accepted_on_request(kind):
     plan = plan_path(SINGULAR, start, target)
     assert plan.decision is Decision.REFUSE
     assert plan.path is None
-    assert f"the target is on {kind}" in plan.reason
+    assert re.search(rf"\btarget\b.*{kind}", plan.reason)
     assert "0.001 m" in plan.reason
     accepted = plan_path(SINGULAR, start, target, DetourOptions(accept_singular_target=True))
     assert accepted.decision is not Decision.REFUSE
@@ -151,7 +154,7 @@ def test_a_target_from_which_a_line_has_no_image_is_refused():
     line = SINGULAR.lines
     plan = plan_path(SINGULAR, TARGET, at(line.point[1] + 0.7 * line.direction[1]))
     assert plan.decision is Decision.REFUSE
-    assert "line 2 has no image at the target" in plan.reason
+    assert mentions(plan.reason, "line 2", "target")
 
 
 def test_a_scene_that_is_singular_everywhere_is_refused():
@@ -159,7 +162,7 @@ def test_a_scene_that_is_singular_everywhere_is_refused():
     start, target = (Pose.look_at(center, (0.4, 0.3, 0.0)) for center in ((3.0, 0.5, 0.2), (3.2, 0.6, 0.1)))
     plan = plan_path(singular_set(parallel), start, target)
     assert plan.decision is Decision.REFUSE
-    assert "singular for every camera" in plan.reason
+    assert mentions(plan.reason, "singular", "every camera")
 
 
 THREE = singular_set(SINGULAR.lines.select([0, 1, 2]))

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from messages import mentions
 from plain_distances import distances
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
@@ -194,14 +195,14 @@ def test_a_bound_that_leaves_no_way_round_is_named():
     still = Pose(task.target_pose(0.0).rotation, middle)
     standing = plan_trajectory(SINGULAR, lambda time: still, 5.0, AVOIDANCE)
     (piece,) = standing.pieces
-    assert piece.path is None and "a path round comes no less near" in piece.reason
+    assert piece.path is None and mentions(piece.reason, "path round", "near")
     np.testing.assert_array_equal(standing.pose(2.0).translation, middle)
     # As slow as the trajectory itself, every path round takes longer.
     narrow = plan_trajectory(
         SINGULAR, task.target_pose, task.path.duration, DetourOptions(margin=0.1, limits=SpeedLimits(1e-3, 1e-3))
     )
     (piece,) = narrow.pieces
-    assert piece.path is None and "m/s and" in piece.reason and "transversal 2" in piece.reason
+    assert piece.path is None and mentions(piece.reason, "m/s", "transversal 2")
     assert narrow.pose(25.0) is not None and np.array_equal(narrow.pose(25.0).translation, middle)
 
 
@@ -215,7 +216,7 @@ def test_parallel_lines_leave_nothing_to_go_round():
     crossing = line_of_flight([-1.0, 0.0, 0.0], [0.5, 0.0, 0.05], 20.0)
     assert plan_trajectory(singular, desired, 20.0, AVOIDANCE).pieces == ()
     pieces = plan_trajectory(singular, crossing, 20.0, AVOIDANCE).pieces
-    assert pieces and all(each.path is None and "singular for every camera" in each.reason for each in pieces)
+    assert pieces and all(each.path is None and mentions(each.reason, "singular", "every camera") for each in pieces)
 
 
 def approach(start, duration=40.0):
@@ -249,7 +250,7 @@ def test_a_camera_that_begins_elsewhere_goes_round_on_its_way_to_the_trajectory(
 def test_a_trajectory_that_is_over_too_soon_cannot_be_joined():
     changed, desired, _ = approach(near_transversal.STARTS[1].position, duration=5.0)
     (piece,) = changed.pieces
-    assert piece.path is None and "no place to join it in time" in piece.reason
+    assert piece.path is None and mentions(piece.reason, "join")
     np.testing.assert_array_equal(changed.pose(0.0).translation, desired(0.0).translation)
 
 
@@ -266,5 +267,5 @@ def test_a_camera_that_is_only_turned_joins_too():
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_trajectory_without_duration_is_refused(duration):
-    with pytest.raises(GeometryError, match="the duration of a trajectory is"):
+    with pytest.raises(GeometryError, match="duration"):
         plan_trajectory(SINGULAR, TASKS[TRAJECTORIES][0].target_pose, duration)

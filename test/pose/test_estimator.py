@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from messages import mentions
 from pose_scenes import distance, image_of, observation, random_view, views
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -187,7 +188,7 @@ def test_fewer_than_three_lines_fail_with_a_reason():
     estimate = PoseEstimator(PAPER).estimate(observation(PAPER, seen.image_lines, usable))
     assert estimate.verdict is Verdict.FAILED
     assert estimate.T_world_camera is None
-    assert "2 usable line(s)" in estimate.reason
+    assert mentions(estimate.reason, "2 usable")
 
 
 @pytest.mark.parametrize(
@@ -209,7 +210,7 @@ def test_scenes_that_fix_no_pose_fail(points, directions):
 def test_an_unknown_line_is_refused():
     seen = image_of(PAPER, AWAY)
     other = LineObservation((1, 2, 3, 9), seen.image_lines, seen.usable, None)
-    with pytest.raises(ObservationError, match="line id 9 is not in the scene"):
+    with pytest.raises(ObservationError, match=r"\bid 9\b.*scene"):
         PoseEstimator(PAPER).estimate(other)
 
 
@@ -270,12 +271,12 @@ def test_nothing_is_lifted_by_a_pose_that_rests_on_no_line_of_the_image():
 
 def test_without_a_pose_nothing_is_completed():
     seen = observation(PAPER, image_of(PAPER, AWAY).image_lines, np.zeros(4, dtype=bool))
-    with pytest.raises(ObservationError, match="without a pose"):
+    with pytest.raises(ObservationError, match="pose"):
         lift_lines(PAPER, PoseEstimator(PAPER).estimate(seen), seen)
 
 
 def test_parameters_without_noise_or_with_two_lines_are_refused():
-    with pytest.raises(ParameterError, match="all 0"):
+    with pytest.raises(ParameterError, match=r"noise.*\b0\b"):
         EstimationParameters(noise_image=0.0)
     with pytest.raises(ParameterError, match="failed.residual"):
         EstimationParameters(failed_residual=2.0)

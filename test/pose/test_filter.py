@@ -331,20 +331,20 @@ def test_the_motion_decides_between_poses_that_explain_the_first_image():
 def test_bad_input_is_refused_by_name():
     generator = np.random.default_rng(1)
     pose = crossing(generator, 2)[0][0]
-    with pytest.raises(ParameterError, match="start_covariance is missing"):
+    with pytest.raises(ParameterError, match="start_covariance"):
         PoseFilter(LINES, start=pose)
     with pytest.raises(ParameterError, match="positive definite"):
         PoseFilter(LINES, start=pose, start_covariance=np.zeros((6, 6)))
     with pytest.raises(ParameterError, match="noise"):
         PoseFilter(LINES, noise={"imag": 1.0})
     pose_filter = PoseFilter(LINES)
-    with pytest.raises(ObservationError, match=r"dt is -0\.1 s"):
+    with pytest.raises(ObservationError, match=r"\bdt\b.*-0\.1 s"):
         pose_filter.predict(np.zeros(6), -0.1)
     with pytest.raises(GeometryError, match="twist"):
         pose_filter.predict([0, 0, 0, 0, 0, np.nan], 0.1)
-    with pytest.raises(ObservationError, match="line id 9 is not in the scene"):
+    with pytest.raises(ObservationError, match=r"\bid 9\b.*scene"):
         pose_filter.update(LineObservation((9,), np.array([[1.0, 0.0, 0.0]])), 0.0)
-    with pytest.raises(ObservationError, match="time of the image is nan"):
+    with pytest.raises(ObservationError, match=r"time.*\bnan\b"):
         pose_filter.update(image_of(LINES, pose), float("nan"))
 
 

@@ -3,6 +3,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from messages import mentions
 
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
@@ -54,7 +55,7 @@ def test_without_a_pose_the_image_goes_on_without_3d_lines_and_says_why():
     few = dataclasses.replace(few, usable=np.array([True, True, False, False]))
     tracked = PoseTracker(parameters()).track(few, SECOND, SECOND)
     assert tracked.estimate.verdict is Verdict.FAILED
-    assert "2 usable line(s)" in tracked.estimate.reason
+    assert mentions(tracked.estimate.reason, "2 usable")
     assert tracked.completed.lines_camera is None and tracked.completed.usable_ids == few.usable_ids
     assert tracked.completed.verdict is LinesVerdict.POOR
     assert tracked.estimate.reason in tracked.completed.verdict_reason
@@ -77,13 +78,13 @@ def test_stamps_that_cannot_be_are_refused(stamp, now, words):
 
 def test_silence_says_since_when_and_why():
     tracking = PoseTracker(parameters())
-    assert "no features received yet" in tracking.silence(SECOND).estimate.reason
+    assert mentions(tracking.silence(SECOND).estimate.reason, "features")
     tracking.track(seen_from(CALM), SECOND, SECOND)
     assert tracking.silence(SECOND + SECOND // 10) is None
     tracking.fail("the feature message has no lines")
     reason = tracking.silence(3 * SECOND).estimate.reason
-    assert "features" in reason and "refused for 2 s" in reason
-    assert "the feature message has no lines" in reason
+    assert mentions(reason, "features", "refused", "2 s")
+    assert mentions(reason, "no lines")
 
 
 def test_a_scene_changed_while_running_is_used_at_the_next_image():

@@ -13,6 +13,7 @@ import pytest
 from builders import twist_values
 from geometry_msgs.msg import TwistStamped
 from lifecycle_msgs.srv import ChangeState, GetState
+from messages import mentions
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus
 from plsing_ros.nodes import qos
@@ -161,7 +162,7 @@ def test_a_node_starts_though_another_was_killed_when_it_started(ros, start):
     states = ros.collect(ControllerState, "controller/state", qos.STATUS)
     controller = start("controller", *PAPER)
     ros.spin_until(lambda: states, "the controller", 30.0)
-    assert f"{port} was left half made" in output_of(controller)
+    assert mentions(output_of(controller), port, "half made")
 
 
 def test_a_node_ends_with_a_sentence_where_it_would_wait_for_a_living_program(ros, start):
@@ -173,7 +174,7 @@ def test_a_node_ends_with_a_sentence_where_it_would_wait_for_a_living_program(ro
         assert controller.wait(30.0) == 1, output_of(controller)
     port.unlink()
     output = output_of(controller)
-    assert f"{port} is half made" in output and f"process {os.getpid()} " in output
+    assert mentions(output, port, "half made", f"process {os.getpid()}")
     assert len(output.strip().splitlines()) == 1, output
 
 
@@ -262,7 +263,7 @@ def test_a_parameter_file_made_to_do_harm_is_refused_before_ros_reads_it(start, 
     process = start("controller", *PAPER, "--params-file", str(file))
     assert process.wait(30.0) == 2, output_of(process)
     output = output_of(process)
-    assert output.startswith(f"controller: parameter file {file} ") and message in output
+    assert output.startswith("controller: ") and mentions(output, "parameter file", file) and message in output
     assert len(output.strip().splitlines()) == 1, output
 
 
@@ -273,7 +274,7 @@ def test_a_node_that_cannot_be_configured_is_one_line_and_exit_code_1(start):
     process = start("controller", *PAPER, *scene, "-p", "target.position:=[3, 0, 0]")
     assert process.wait(30.0) == 1, output_of(process)
     output = output_of(process)
-    assert output.startswith("controller: ") and "only 2 usable line(s)" in output
+    assert output.startswith("controller: ") and mentions(output, "2 usable")
     assert len(output.strip().splitlines()) == 1, output
 
 
@@ -306,7 +307,7 @@ def test_the_command_line_has_the_last_word_over_parameter_files(start):
     """Only a value that is refused shows in the output which one was taken."""
     process = start("controller", *PAPER, "-p", "gain:=-1.0")
     assert process.wait(30.0) == 2, output_of(process)
-    assert "parameter 'gain' is -1.0 1/s; allowed: 1e-06 to 1000 1/s" in output_of(process)
+    assert mentions(output_of(process), "'gain'", "-1.0 1/s", "1e-06", "1000 1/s")
     both = ["--ros-args", "--params-file", str(config_file("controller.yaml")), *PAPER[1:]]
     process = start("controller", *both, "-p", "gain:=-1.0")
     assert process.wait(30.0) == 2, output_of(process)
@@ -315,7 +316,7 @@ def test_the_command_line_has_the_last_word_over_parameter_files(start):
 def test_an_unknown_option_names_itself(start):
     process = start("controller", "--fast")
     assert process.wait(30.0) == 2
-    assert "unrecognized arguments: --fast" in output_of(process)
+    assert mentions(output_of(process), "--fast")
 
 
 def test_a_generated_parameter_file_before_a_scene_is_accepted(ros, start):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from messages import mentions
 
 from paper.document import max_difference, runs_agree
 from paper.tasks import QUADRIFOLIA, STARTS_FIVE, STARTS_FOUR, TRAJECTORIES, paper_tasks
@@ -77,7 +78,7 @@ def test_a_twist_that_cannot_be_integrated_ends_the_run(monkeypatch):
     task = shortened(QUADRIFOLIA, 2, 20.0)
     nodes, core = run_in_nodes(task), run_in_core(task)
     for record in (nodes, core):
-        assert record.ended.startswith("lost: twist") and "allowed are 1e+09" in record.ended
+        assert mentions(record.ended, "lost", "twist", "1e+09")
     assert len(nodes.time) == len(core.time) < 500
 
 
@@ -92,5 +93,5 @@ def test_an_overtaken_target_is_noticed():
         source._error_norms[1_000_000_000] = 0.5
         source.check(state)
         source._error_norms[1_000_000_000] = 0.4
-        with pytest.raises(PlsingError, match=r"reports the error norm 0\.5; with the target of this frame it is 0\.4"):
+        with pytest.raises(PlsingError, match=r"error norm 0\.5\b.*\b0\.4\b"):
             source.check(state)

@@ -2,6 +2,7 @@
 """The harness itself: isolation, determinism, and what it says when something does not come."""
 
 import pytest
+from messages import mentions
 from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -28,8 +29,8 @@ def test_a_timeout_says_what_was_received(ros):
     with pytest.raises(HarnessTimeoutError) as caught:
         ros.spin_until(lambda: len(collected) == 2, "two messages", timeout=0.5)
     text = str(caught.value)
-    assert "waited 0.5 s in vain for two messages" in text
-    assert "talk: 1 message(s), the last: std_msgs.msg.String(data='something else')" in text
+    assert mentions(text, "0.5 s", "two messages")
+    assert mentions(text, "talk: 1 message", "std_msgs.msg.String(data='something else')")
     assert "silent: nothing" in text
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from builders import compute_plain_twist, start_pose
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from messages import mentions
 
 from plsing_msgs.msg import LineFeatureArray
 from plsing_ros.errors import PlsingError
@@ -108,9 +109,9 @@ def test_noise_makes_the_run_another_one_but_the_same_seed_the_same(paper):
 
 
 def test_a_loop_that_stops_says_what_it_received(paper):
-    with pytest.raises(PlsingError, match=r"in vain for frame 2 of Start 1") as caught:
+    with pytest.raises(PlsingError, match=r"\bframe 2\b.*Start 1\b") as caught:
         run(1, paper, controller={"camera_frame": "another_camera"})
-    assert "expected 'another_camera'" in str(caught.value)
+    assert mentions(str(caught.value), "'another_camera'")
 
 
 def test_progress_and_alerts_are_reported_as_they_come(paper):

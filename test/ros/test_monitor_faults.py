@@ -6,6 +6,7 @@ import pytest
 from builders import change, features, seen, set_number, start_pose, twist
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from messages import mentions
 from monitor_loop import MonitorLoop, beside_transversal
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
@@ -90,7 +91,7 @@ def test_a_stream_that_is_refused_is_one_state_one_alert_and_one_line(loop):
 def test_a_line_that_is_not_in_the_scene_is_left_out_and_said(loop):
     status = loop.status_at(CALM, change(ids=[1, 2, 3, 77]))
     assert status.line_count == 3
-    assert "line id 77 not in the scene: left out" in status.reason
+    assert mentions(status.reason, "id 77", "scene")
 
 
 def test_lines_in_another_order_are_the_same_lines(loop):
@@ -125,7 +126,7 @@ def test_stamps_far_from_the_clock_are_stale(ros, paper, shift):
     loop.features.publish(features(CALM, stamp))
     loop.ros.spin_until(lambda: loop.statuses and "are refused" in loop.statuses[-1].reason, "a status that says so")
     assert loop.statuses[-1].level == SingularityStatus.LEVEL_STALE
-    assert "s old" in loop.statuses[-1].reason or "ahead of the clock" in loop.statuses[-1].reason
+    assert mentions(loop.statuses[-1].reason, "old") or mentions(loop.statuses[-1].reason, "clock")
     assert_recovers(loop)
 
 
@@ -258,12 +259,12 @@ def test_a_pose_can_be_asked_about_before_going_there(loop):
 def test_a_pose_that_is_none_is_refused_by_check_pose(loop):
     answer = check(loop.ros, CALM, frame="map")
     assert not answer.success
-    assert "frame 'map', expected 'world'" in answer.message
+    assert mentions(answer.message, "'map'", "'world'")
     request = CheckPose.Request()
     request.pose.pose.orientation.w = 0.0
     answer = loop.ros.call(CheckPose, "singularity_monitor/check_pose", request)
     assert not answer.success
-    assert "length 0, expected 1" in answer.message
+    assert mentions(answer.message, "length 0", 1)
 
 
 def test_the_present_motion_is_judged(loop):

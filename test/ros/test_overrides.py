@@ -30,7 +30,7 @@ def test_sections_match_as_ros_matches_them(section, name, match):
 def test_an_override_for_no_node_of_the_process_is_refused_with_the_nearest_name(option):
     arguments = ["--ros-args", option, "controller:max_linear_speed:=0.2"]
     check_overrides(arguments, ["/controller"])
-    with pytest.raises(ParameterError, match="did you mean 'robot/controller'"):
+    with pytest.raises(ParameterError, match="'robot/controller'"):
         check_overrides(arguments, ["/robot/controller", "/robot/pose_estimator"])
     check_overrides(["--ros-args", option, "gain:=0.5"], ["/robot/controller"])
     check_overrides(arguments[1:], ["/robot/controller"])  # not ROS's
@@ -47,9 +47,9 @@ def test_a_parameter_file_for_another_namespace_or_misspelt_is_refused(tmp_path)
     check("singularity_monitor", "/controller")
     check("someone_elses", "/controller")
     check("/controller", "/controller", "/pose_estimator")
-    with pytest.raises(ParameterError, match="no section for /robot/controller, but one for /controller"):
+    with pytest.raises(ParameterError, match=r"/robot/controller\b.* /controller\b"):
         check("/controller", "/robot/controller")
-    with pytest.raises(ParameterError, match="but one for /controler"):
+    with pytest.raises(ParameterError, match=r" /controler\b"):
         check("/controler", "/controller")
 
 

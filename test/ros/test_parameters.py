@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 import yaml
+from messages import mentions
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParametersAtomically
@@ -63,7 +64,7 @@ def test_values_out_of_range_are_refused(ros, paper, node, parameters, message):
 
 @pytest.mark.parametrize("node", NODES)
 def test_without_a_scene_it_says_how_to_give_one(ros, node):
-    with pytest.raises(ParameterError, match="no scene given; start the node with a parameter file"):
+    with pytest.raises(ParameterError, match="scene.*parameter file"):
         ros.add(node)
 
 
@@ -76,7 +77,7 @@ def test_a_target_in_a_line_is_refused(ros, paper):
         "lines.directions": [1.0, 0.0, 0.0, 4.0, -5.0, 0.0, 3.0, 7.0, 3.0],
         "lines.ids": [1, 2, 3],
     }
-    with pytest.raises(Exception, match=r"target pose: only 2 usable line\(s\)"):
+    with pytest.raises(Exception, match=r"target pose.*\b2 usable"):
         ros.add(ControllerNode, paper, {**target, **three})
 
 
@@ -113,7 +114,7 @@ def test_live_changes_are_taken_or_refused_as_a_whole(ros, paper):
     assert not refused.successful
     assert node.parameters.warn_transversal_distance == 0.5
     refused = set_live(ros, "singularity_monitor", warn__transversal_distance=0.1)
-    assert not refused.successful and "below 'critical.transversal_distance' = 0.3" in refused.reason
+    assert not refused.successful and mentions(refused.reason, "'critical.transversal_distance'", 0.3)
     assert node.get_parameter("warn.transversal_distance").value == 0.5
 
 
@@ -202,7 +203,7 @@ def test_a_value_of_another_type_is_refused_and_leaves_the_described_type(ros, p
 def test_an_unknown_name_is_refused_live_with_the_nearest_one(ros, paper):
     ros.add(ControllerNode, paper)
     refused = set_live(ros, "controller", gian=1.0)
-    assert not refused.successful and "did you mean 'gain'?" in refused.reason
+    assert not refused.successful and mentions(refused.reason, "'gain'")
 
 
 def test_ids_can_be_taken_back_with_an_empty_list_of_any_type(ros, paper):

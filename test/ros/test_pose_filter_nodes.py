@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from builders import CAMERA_FRAME, change, features
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from messages import mentions
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import Header
 
@@ -90,7 +91,7 @@ def test_it_stays_lost_where_single_images_do_not_determine_the_pose(ros, paper)
         state = loop.state_of(on_transversal)
         assert state.verdict == PoseEstimate.VERDICT_LOST
         assert "contradicts" in state.reason
-        assert number == 0 or "no start from this image alone" in state.reason
+        assert number == 0 or mentions(state.reason, "start", "image")
     assert len(loop.poses) == 1
     ros.spin_for(1.1)  # it does not return to where it was that late
     verdicts = [loop.state_of(CALM).verdict for _ in range(4)]

@@ -6,6 +6,7 @@ import re
 import pytest
 from builders import SCENE, features, start_pose, twist
 from geometry_msgs.msg import TwistStamped
+from messages import mentions
 
 from plsing_msgs.msg import LineFeatureArray, SimulatorState, SingularityStatus
 from plsing_ros.geometry import Pose
@@ -125,7 +126,7 @@ def test_a_twist_that_is_refused_again_and_again_is_one_warning(ros, paper, capf
             commands.publish(twist([0.0] * 6, ros.node.get_clock().now().to_msg(), frame))
             ros.spin_for(0.5)
     said = [text for level, text in lines(capfd, "feature_simulator") if level == "WARN" and "refused" in text]
-    assert len(said) == 2 and all("in frame 'tool0'" in each for each in said)
+    assert len(said) == 2 and all(mentions(each, "'tool0'") for each in said)
 
 
 def test_the_monitor_says_each_change_of_level_once_and_a_critical_one_as_an_error(ros, paper, capfd):
@@ -144,11 +145,13 @@ def test_the_simulator_says_when_the_camera_moves_and_when_it_stands(ros, paper,
     states = ros.collect(SimulatorState, "feature_simulator/state", qos.STATUS)
     ros.add(FeatureSimulatorNode, paper)
     ros.spin_until(lambda: states and states[-1].waiting, "a camera that waits")
-    assert lines(capfd, "feature_simulator")[1:] == [("WARN", "the camera stands still: no twist received yet")]
+    ((level, text),) = lines(capfd, "feature_simulator")[1:]
+    assert level == "WARN" and mentions(text, "camera", "no twist")
     commands = ros.publisher(TwistStamped, "cmd_twist")
     commands.publish(twist([0.1, 0, 0, 0, 0, 0], ros.node.get_clock().now().to_msg()))
     ros.spin_until(lambda: not states[-1].waiting, "a camera that moves")
-    assert lines(capfd, "feature_simulator") == [("INFO", "the camera moves")]
+    ((level, text),) = lines(capfd, "feature_simulator")
+    assert level == "INFO" and mentions(text, "camera")
     ros.spin_until(lambda: states[-1].waiting, "a camera that stands again")
     ((level, text),) = lines(capfd, "feature_simulator")
-    assert level == "WARN" and "allowed are 0.2 s" in text
+    assert level == "WARN" and mentions(text, "0.2 s")

@@ -8,6 +8,7 @@ import pytest
 from builders import CAMERA_FRAME, TARGET, compute_plain_twist, features, start_pose, twist_values
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, TwistStamped
 from lifecycle_msgs.srv import GetState
+from messages import mentions
 from tf2_msgs.msg import TFMessage
 
 from plsing_msgs.msg import ControllerState, LineFeatureArray
@@ -96,7 +97,7 @@ def test_the_robot_stands_until_tf_says_where_the_camera_is_and_follows_it_then(
     start = start_pose(2)
     twist, state = answer(start)
     assert state.mode == ControllerState.MODE_HALTED and not twist_values(twist).any()
-    assert "TF has no transform from 'tool0' to 'camera_optical_frame'" in state.reason
+    assert mentions(state.reason, "TF", "'tool0'", "'camera_optical_frame'")
 
     static = ros.publisher(TFMessage, "/tf_static", qos.LATCHED)
     for pose in (TOOL, Pose(np.eye(3), np.array([0.0, 0.2, 0.0]))):
@@ -134,7 +135,7 @@ def test_a_transform_that_is_none_does_not_move_the_robot(ros, paper):
 
 def test_without_tf2_ros_it_does_not_start_and_says_what_to_do(ros, paper, monkeypatch):
     monkeypatch.setitem(sys.modules, "tf2_ros", None)
-    with pytest.raises(StartError, match=r"tf2_ros is not installed: .* or give T_tool_camera\.position"):
+    with pytest.raises(StartError, match=r"tf2_ros.*T_tool_camera\.position"):
         ros.add(ControllerNode, paper, FROM_TF)
     node = ros.add(ControllerNode, paper, FROM_TF | {"autostart": False})
     assert node.state_label == "unconfigured"
@@ -142,5 +143,5 @@ def test_without_tf2_ros_it_does_not_start_and_says_what_to_do(ros, paper, monke
 
 
 def test_a_source_without_a_frame_is_refused(ros, paper):
-    with pytest.raises(Exception, match="'tool_frame' is empty"):
+    with pytest.raises(Exception, match="'tool_frame'.*empty"):
         ros.add(ControllerNode, paper, {"T_tool_camera.source": "tf"})

@@ -4,6 +4,7 @@
 import importlib.util
 from pathlib import Path
 
+from messages import mentions
 from rosbags.highlevel import AnyReader
 
 import plsing_ros
@@ -20,9 +21,9 @@ def test_the_tutorial_runs_and_says_what_its_page_says(tmp_path):
     page = tutorial.PAGE.read_text("utf-8")
     for printed, written in (("5.01 mm", "5.0 mm"), ("4.15 mm", "4.2 mm"), ("8.87 mm", "8.9 mm"), ("31.4 mm", "31 mm")):
         assert printed in said and written in page
-    assert "no point, line or surface that is singular" in said
-    assert "50 poses: good" in said
-    assert "This task is safe as far as these runs can tell" in said
+    assert mentions(said, "no point, line or surface", "singular")
+    assert mentions(said, "50 poses", "good")
+    assert mentions(said, "task is safe")
     assert "WARN: inverse condition number" in said.split("page: evaluated/report.html")[1]
     for made in (
         "bracket.html",

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from messages import mentions
 from scipy.spatial.transform import Rotation
 
 from plsing_ros.errors import GeometryError
@@ -43,7 +44,7 @@ def test_joints_are_found_for_every_pose_that_the_arm_can_have(at):
 
 
 def test_a_pose_out_of_reach_is_refused_with_its_distance():
-    with pytest.raises(GeometryError, match=r"2\.00 m from its foot"):
+    with pytest.raises(GeometryError, match=r"\b2\.00 m\b"):
         Arm(Pose(np.eye(3), np.zeros(3))).joints_for(Pose.look_at((2.0, 0.0, 0.0), (3.0, 0.0, 0.0)))
 
 
@@ -70,14 +71,14 @@ def test_a_fast_motion_keeps_its_direction():
     motion = follow_twist(ARM, BENT, twist, 0.5, 0.01)
     carried = ARM.jacobian(BENT) @ motion.speeds
     np.testing.assert_allclose(carried / np.linalg.norm(carried), twist / np.linalg.norm(twist), atol=1e-9)
-    assert np.abs(motion.speeds).max() == pytest.approx(0.5) and "as fast as it may be" in motion.reason
+    assert np.abs(motion.speeds).max() == pytest.approx(0.5) and mentions(motion.reason, "joint_1")
 
 
 def test_at_its_singularity_the_arm_stays_slow_and_says_so():
     straight = BENT * [1, 1, 1, 1, 0, 1]
     lost = np.linalg.svd(ARM.jacobian(straight))[0][:, -1]
     motion = follow_twist(ARM, straight, 0.1 * lost, 10.0, 0.01)
-    assert np.abs(motion.speeds).max() < 0.1 and "singularity of its own" in motion.reason
+    assert np.abs(motion.speeds).max() < 0.1 and mentions(motion.reason, "singularity")
     near = straight + 1e-3 * np.array([0, 0, 0, 0, 1, 0])
     assert np.abs(follow_twist(ARM, near, 0.1 * lost, 10.0, 0.01).speeds).max() < 5.0
 
@@ -88,6 +89,6 @@ def test_in_front_of_a_limit_the_arm_stops():
     speeds = np.array([0, 0, 1.0, 0, 0, 0])
     motion = follow_twist(ARM, at, ARM.jacobian(at) @ speeds, 10.0, 0.01)
     np.testing.assert_allclose(motion.speeds, [0, 0, 0.01, 0, 0, 0], atol=1e-9)
-    assert "joint_3 is at its limit of 2.62 rad" in motion.reason
+    assert mentions(motion.reason, "joint_3", "2.62 rad")
     back = follow_twist(ARM, at, -ARM.jacobian(at) @ speeds, 10.0, 0.01)
     assert back.reason == "" and back.speeds[2] == pytest.approx(-1.0)

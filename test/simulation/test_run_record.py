@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
+from messages import mentions
 
 from plsing_ros.levels import Level
 from plsing_ros.simulation.run_record import Alert, RunRecord, summary_table
@@ -25,4 +26,4 @@ def test_summary_numbers():
 
 def test_a_run_without_alerts_that_does_not_arrive():
     row = summary_table([record([3.0, 2.0, 1.0], arrived=False)]).splitlines()[-1]
-    assert "3, not arrived" in row and "yes" in row and "none" in row
+    assert mentions(row, 3, "not arrived", "yes", "none")

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from messages import mentions
 from scipy.optimize import minimize
 from singular_scenes import PAPER_FOUR, distance_to_line, line_set, min_ratio, paper_lines
 from strategies import line_sets, vectors
@@ -230,10 +231,8 @@ def test_a_transversal_at_infinity_is_said_to_be_there(angles, height):
     turn = 0.1 * np.array(angles)
     points = [[0.0, 0.0, height], [1.0, 2.0, 0.3], [-0.7, 1.1, 4.0], [2.0, -1.0, -1.5]]
     lines = LineSet.from_points_directions(points, np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1))
-    assert "at infinity, where no camera gets: they are parallel to the planes across (0, 0, 1)" in str(
-        singular_set(lines)
-    )
-    assert "planes across" not in str(SINGULAR)
+    assert mentions(str(singular_set(lines)), "at infinity", "(0, 0, 1)")
+    assert "at infinity" not in str(SINGULAR)
 
 
 def test_an_observed_line_is_listed_once():
@@ -244,5 +243,5 @@ def test_an_observed_line_is_listed_once():
     assert any(locus.distance([0.0, 0.0, 9.0]) < 1e-9 for locus in spokes.loci)
     both = singular_set(LineSet.from_points_directions(points, [*directions, [0.0, 0.0, 1.0]]))
     assert both.transversals == ()
-    assert "Line 5 itself meets all others." in both.description
+    assert mentions(both.description, "Line 5")
     assert [each.name for each in both.distances([0.0, 0.0, 9.0]) if each.distance < 1e-9] == ["line 5"]

@@ -5,6 +5,7 @@ import types
 
 import numpy as np
 import pytest
+from messages import mentions
 from rendered import CAMERA, LENS, box, error, orbit, renderer
 from scipy.spatial.transform import Rotation
 
@@ -83,7 +84,7 @@ def test_the_tag_gives_the_first_pose_and_a_new_one_after_a_loss():
     far = orbit(80)
     without = drawing.render(orbit(0).inverse(), 1.0, random)
     report = session.process(without)
-    assert report.state is SessionState.WAITING_FOR_POSE and "the tag is not seen" in report.reason
+    assert report.state is SessionState.WAITING_FOR_POSE and mentions(report.reason, "tag")
     for pose in (orbit(0), far):
         report = session.process(drawn(drawing.render(pose.inverse(), 1.0, random), pose))
         assert report.state is SessionState.TRACKING, report.reason
@@ -91,8 +92,8 @@ def test_the_tag_gives_the_first_pose_and_a_new_one_after_a_loss():
 
 
 def test_a_tag_that_the_family_does_not_have_and_an_opencv_without_tags_are_named(monkeypatch):
-    with pytest.raises(ParameterError, match="has the tags 0 to 34"):
+    with pytest.raises(ParameterError, match=r"\b0 to 34\b"):
         TagFinder(Tag("tag25h9", 35, SIZE, T_world_tag))
     monkeypatch.delattr(cv2, "aruco")
-    with pytest.raises(ParameterError, match="needs OpenCV with its module aruco"):
+    with pytest.raises(ParameterError, match="OpenCV.*aruco"):
         TagFinder(Tag("tag36h11", 0, SIZE, T_world_tag))

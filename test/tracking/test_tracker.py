@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from messages import mentions
 from rendered import CAMERA, LENS, LIGHTS, QUADS, box, error, orbit, renderer
 from scipy.spatial.transform import Rotation
 
@@ -199,7 +200,7 @@ def test_after_a_jump_the_pose_is_right_or_there_is_none(patches):
             if result.T_world_camera is not None:
                 assert error(result.T_world_camera, orbit(k))[0] < 5e-3, k
             else:
-                assert "of the visible edges" in result.reason and not result.observation.usable.any()
+                assert mentions(result.reason, "visible edges") and not result.observation.usable.any()
     assert {TrackingState.TRACKING, TrackingState.LOST} == set(states)
 
 
@@ -230,7 +231,7 @@ def test_a_flat_object_seen_from_afar_and_a_fine_prism_are_ambiguous():
     afar = Pose.look_at((0.1, 0.15, 1.6), (0, 0, 0))
     image = renderer(plate).render(afar.inverse(), 1.0, np.random.default_rng(4))
     result = LineTracker(plate, CAMERA).track(image, afar)
-    assert result.state == TrackingState.AMBIGUOUS and "explains the edges as well" in result.reason
+    assert result.state == TrackingState.AMBIGUOUS and mentions(result.reason, "pose", "edges")
     angles = np.arange(16) * np.pi / 8
     ring = 0.06 * np.column_stack([np.cos(angles), np.sin(angles)])
     vertices = np.vstack([np.column_stack([ring, np.full(16, z)]) for z in (-0.04, 0.04)])
@@ -256,12 +257,12 @@ def test_an_object_without_symmetry_is_not_called_ambiguous():
     "image", [np.zeros((480, 640)), np.zeros((480, 641), np.uint8), np.zeros((480, 640, 3), np.uint8)]
 )
 def test_an_image_of_another_camera_is_refused(image):
-    with pytest.raises(ObservationError, match="the camera's are"):
+    with pytest.raises(ObservationError, match="camera"):
         LineTracker(box(), CAMERA).track(image, orbit(0))
 
 
 def test_tracking_needs_a_start():
-    with pytest.raises(ObservationError, match="no pose to start from"):
+    with pytest.raises(ObservationError, match="pose to start"):
         LineTracker(box(), CAMERA).track(np.zeros((480, 640), np.uint8))
 
 
