@@ -67,7 +67,7 @@ class LawCheck:
         return self._is_other
 
 
-def law_twist(task: RolloutTask, pose: Pose, observation: LineObservation) -> Array | None:
+def compute_law_twist(task: RolloutTask, pose: Pose, observation: LineObservation) -> Array | None:
     """Return the twist (6,) with which the law of a task answers what is seen, or None where that is not known.
 
     Args:
@@ -89,7 +89,7 @@ def law_twist(task: RolloutTask, pose: Pose, observation: LineObservation) -> Ar
 
 
 def _is_of(task: RolloutTask, pose: Pose, observation: LineObservation, twist: Array) -> bool:
-    law = law_twist(task, pose, observation)
+    law = compute_law_twist(task, pose, observation)
     if law is None:
         return True
     square = float(law @ law)

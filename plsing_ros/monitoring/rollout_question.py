@@ -13,7 +13,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.errors import PlsingError
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
-from plsing_ros.monitoring.law_check import LawCheck, law_twist
+from plsing_ros.monitoring.law_check import LawCheck, compute_law_twist
 from plsing_ros.monitoring.map_residuals import MapResiduals
 from plsing_ros.monitoring.rollout_setup import FIRST_STEPS, FRAME_PERIOD, MAX_STEPS, roll_out_around, rollout_task
 from plsing_ros.monitoring.segment_ends import SegmentEnds
@@ -125,7 +125,7 @@ class RolloutQuestion:
         residuals = None if self.residuals is None else self.residuals.rows()
         seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose, path=path)
         # The first command is what demand is measured by: it is known as soon as its features are.
-        first = law_twist(task, pose, observation) if begins else None
+        first = compute_law_twist(task, pose, observation) if begins else None
         if first is not None and observation.verdict is LinesVerdict.POOR:
             first = ControllerParameters.slow_scale * first
         state = dataclasses.replace(state, answer=first)
