@@ -34,7 +34,7 @@ public:
             values(i) = square > nothing ? std::sqrt(square) : 0.0;
             if (values(i) == 0.0)
                 continue;
-            left.col(i) /= values(i);
+            left.col(i) *= 1.0 / values(i);
             rank = i + 1;
         }
         if (rank == 0)

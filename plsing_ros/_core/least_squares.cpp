@@ -14,10 +14,10 @@ namespace plsing {
 {
     const Index m = matrix.rows(), k = matrix.cols();
     rows_ = m;
-    const double size = m > 0 ? matrix.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() : 0.0;
+    const double size = matrix.cwiseAbs().sum();
     if (!std::isfinite(size))
         return;
-    // The largest element becomes about one, without rounding, so that squares neither over- nor underflow.
+    // The elements become about one, without rounding, so that squares neither over- nor underflow.
     int exponent = 0;
     std::frexp(size, &exponent);
     exponent = std::max(exponent, -1000);
@@ -39,15 +39,6 @@ namespace plsing {
     right_ = triangular_.colsPermutation() * svd.left.topLeftCorner(k, k);
     left_of_triangle_ = svd.right.topLeftCorner(k, k);
     finite_ = std::isfinite(values_(0));
-}
-
-[[gnu::flatten]] Tall Svd::left(Index first, Index count) const
-{
-    const Index k = triangular_.cols();
-    Tall left = Tall::Zero(triangular_.rows(), count);
-    left.topRows(k) = left_of_triangle_.middleCols(first, count);
-    left.applyOnTheLeft(triangular_.householderQ().setLength(k));
-    return left.topRows(rows_);
 }
 
 Unknowns Svd::solve(const Unknowns &components, double threshold) const

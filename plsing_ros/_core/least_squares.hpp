@@ -30,8 +30,18 @@ public:
     const Small &right() const { return right_; }
     // Left singular vectors as columns, (m, k), or those in columns `first` to `first + count - 1`; those of missing
     // values are of no use.
-    Tall left() const { return left(0, triangular_.cols()); }
-    Tall left(Eigen::Index first, Eigen::Index count) const;
+    Tall left() const { return left<Eigen::Dynamic>(0, triangular_.cols()); }
+    template <int Columns>
+    [[gnu::flatten]] Eigen::Matrix<double, Eigen::Dynamic, Columns> left(Eigen::Index first, Eigen::Index count = Columns) const
+    {
+        const Eigen::Index k = triangular_.cols();
+        Eigen::Matrix<double, Eigen::Dynamic, Columns> left(triangular_.rows(), count);
+        left.topRows(k) = left_of_triangle_.middleCols(first, count);
+        left.bottomRows(left.rows() - k).setZero();
+        left.applyOnTheLeft(triangular_.householderQ().setLength(k));
+        left.conservativeResize(rows_, count);
+        return left;
+    }
     // Their products with a vector (m).
     Unknowns components(const Eigen::Ref<const Eigen::VectorXd> &vector) const
     {
@@ -39,7 +49,7 @@ public:
     }
     // Coordinates of the columns of a matrix (m, c) in an orthonormal basis that begins with the left singular vectors.
     template <int Columns>
-    Eigen::Matrix<double, Eigen::Dynamic, Columns> coordinates(
+    [[gnu::flatten]] Eigen::Matrix<double, Eigen::Dynamic, Columns> coordinates(
         const Eigen::Ref<const Eigen::Matrix<double, Eigen::Dynamic, Columns>> &columns) const
     {
         const Eigen::Index k = triangular_.cols();

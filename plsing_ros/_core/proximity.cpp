@@ -37,40 +37,42 @@ Eigen::Matrix2d whitening(const Vector3d &u, const Vector3d &f, const Eigen::Vec
     return factor.matrixL().solve(Eigen::Matrix2d::Identity());
 }
 
-// A line about the centre, with lengths in units of the scene's: `normal` is u x arm, with the arm from centre to pivot.
+// A line about the centre, with lengths in units of the scene's.
 struct Line {
-    Vector3d u, arm, normal;
-    double square, shift, turn;  // Of the normal; standard deviations of pivot and direction.
-    BasisRows<double> rows;
+    Matrix3d axes;          // Columns: u, the normal n of its plane with the centre, u x n.
+    double distance, along;  // Of the line from the centre; of the pivot, along u.
+    double size, shift, turn;  // Of the first row of the rank basis; standard deviations of pivot and direction.
 };
 
 // The variance of a singular value of the rank basis, whose vectors are `left` and `motion`, by the errors of the lines;
-// in `slope`, if there is one, how each row's product with `motion` changes with the centre.
+// in `slope`, if there is one, how each row's product with `motion` changes with the centre. docs/near_singular.md.
 [[gnu::flatten]] double variance_of(const std::vector<Line> &lines, const Vector6d &motion,
                                     const Eigen::Ref<const Eigen::VectorXd> &left, Eigen::MatrixX3d *slope)
 {
-    const Vector3d turning = motion.tail<3>();
     double variance = 0.0;
     Index row = -2;
-    for (const auto &[u, arm, f, square, shift, turn, rows] : lines) {
+    for (const auto &[axes, distance, along, size, shift, turn] : lines) {
         row += 2;
-        if (square == 0.0)
+        if (distance == 0.0)
             continue;
-        // How the singular value changes with the pivot (times u x) and with the direction of this line, by each row.
-        const Vector6d weight = (motion - rows.first.dot(motion) * rows.first.transpose()) / rows.first_size;
-        const Vector3d spin = weight.tail<3>();
-        const Vector3d second = (turning - rows.second.dot(turning) * rows.second.transpose()) / rows.second_size;
-        const Vector3d by_normal = weight.head<3>() + 2.0 * spin.dot(u) * f, by_second_normal = second.cross(u);
+        const Vector3d shifts = axes.transpose() * motion.head<3>(), turns = axes.transpose() * motion.tail<3>();
+        // How the singular value changes with the pivot (times u x), by the first row along u, n and u x n, and by the
+        // second row along u x n.
+        const double square = distance * distance, share = 1.0 / size;
+        const double across = share * distance * (turns(0) - distance * shifts(1)) / (1.0 + square);
+        const Vector3d by_first(share * shifts(0), across, share * shifts(2));
+        const double by_second = -turns(1) / distance;
         if (slope != nullptr) {
-            slope->row(row) = u.cross(by_normal);
-            slope->row(row + 1) = u.cross(by_second_normal);
+            slope->row(row) = across * axes.col(2) - by_first(2) * axes.col(1);
+            slope->row(row + 1) = -by_second * axes.col(1);
         }
-        if (shift == 0.0 && turn == 0.0)
-            continue;
-        const Vector3d moved = left(row) * by_normal + left(row + 1) * by_second_normal;
-        const Vector3d turned = left(row) * square * spin + left(row + 1) * f.cross(second) + arm.cross(moved);
-        variance += shift * shift * moved.cross(u).squaredNorm();
-        variance += turn * turn * (turned - turned.dot(u) * u).squaredNorm();
+        const double first = left(row), second = left(row + 1), scale = first * square * share;
+        Vector3d moved = first * by_first;
+        moved(2) += second * by_second;
+        const double about_normal = scale * turns(1) - distance * moved(0) - along * moved(2);
+        const double about_third = scale * turns(2) - second * turns(0) + along * moved(1);
+        variance += shift * shift * (moved(1) * moved(1) + moved(2) * moved(2));
+        variance += turn * turn * (about_normal * about_normal + about_third * about_third);
     }
     return variance;
 }
@@ -90,12 +92,15 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
     for (Index i = 0; i < n; i++) {
         const Vector3d u = direction.row(i), r = (pivot.row(i).transpose() - center) / length, f = u.cross(r);
         const double square = f.squaredNorm(), shift = position_std(i) / length, turn = direction_std(i);
-        lines[i] = {u, r, f, square, shift, turn, {}};
+        lines[i] = {Matrix3d::Zero(), 0.0, u.dot(r), 1.0, shift, turn};
         // The rows of a line that the centre is on are zero.
         if (square == 0.0)
             continue;
-        const BasisRows<double> &own = lines[i].rows = {u, f};
+        const BasisRows<double> own(u, f);
         const double size = own.first_size, distance = own.second_size, reach = r.norm();
+        lines[i].axes << u, f / distance, own.second.transpose();
+        lines[i].distance = distance;
+        lines[i].size = size;
         const double first = (1.0 + 2.0 * distance) / size, second = 1.0 / distance;
         max_variance.segment<2>(2 * i).setConstant(
             shift * shift * (first * first + second * second) +
@@ -116,13 +121,13 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
     const double infinite = std::numeric_limits<double>::infinity();
     Eigen::MatrixX3d slope = Eigen::MatrixX3d::Zero(rows, 3);
     const double variance_of_smallest =
-        variance_of(lines, decomposed.right().col(5), decomposed.left(5, 1), &slope);
+        variance_of(lines, decomposed.right().col(5), decomposed.left<1>(5), &slope);
     double z = smallest <= rounding * largest ? 0.0 : infinite;
     if (variance_of_smallest > 0.0)
         z = std::min(z, smallest / std::sqrt(variance_of_smallest));
     // Not the smallest one alone: far away several are small, and another may be the nearest to zero in tolerances.
     if (std::pow(decomposed.values()(4), 2) < z * z * max_variance.maxCoeff()) {
-        const Tall left = decomposed.left(0, 5);
+        const Eigen::Matrix<double, Dynamic, 5> left = decomposed.left<5>(0);
         for (int k = 4; k >= 0; k--) {
             const double square = std::pow(decomposed.values()(k), 2);
             if (!(square < z * z * max_variance.dot(left.col(k).cwiseAbs2())))
@@ -135,7 +140,7 @@ py::object proximity(const Vectors &direction, const Vectors &pivot, const Value
     // A change of the rows that the five better observed motions can follow is none of the rank.
     const Eigen::MatrixX3d change = decomposed.coordinates<3>(slope).bottomRows(rows - 5);
     const Vector3d pull = change.row(0);
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> across(change.transpose() * change);
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> across(change.transpose().lazyProduct(change));
     const double least = std::max(steep * steep * smallest * smallest, sure * sure * variance_of_smallest);
     Vector3d step = Vector3d::Zero();
     for (int axis = 0; axis < 3; axis++) {

@@ -40,9 +40,9 @@ struct BasisRows {
         const Scalar along = f.cwiseProduct(f).sum() / second_size;
         // Squares of lengths alone, which do not overflow.
         first_size = second_size * std::sqrt(1.0 + Eigen::numext::abs2(along));
-        first << f.transpose() / first_size, u.transpose() * (along * (second_size / first_size));
+        first << (1.0 / first_size) * f.transpose(), u.transpose() * (along * (second_size / first_size));
         // |u x f| = |f|, since f is across u.
-        second = cross<Scalar>(u, f).transpose() / second_size;
+        second = (1.0 / second_size) * cross<Scalar>(u, f).transpose();
     }
 };
 
