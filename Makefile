@@ -45,6 +45,7 @@ test-quick: python
 	@$(RUN) python3 -m pytest $(QUICK) $(ARGS)
 
 coverage: python
+	@$(RUN) python3 -m coverage erase
 	@$(RUN) python3 -m coverage run -m pytest $(ARGS)
 	@$(RUN) python3 -m coverage combine -q
 	@$(RUN) python3 -m coverage report --fail-under=90 --skip-covered
