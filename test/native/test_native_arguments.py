@@ -51,5 +51,5 @@ SCENE, FORMS, MAPS = np.ones((2, 1, 4, 3)), np.ones((2, 3)), (np.eye(15), np.one
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(name, arguments):
-    with pytest.raises(ValueError, match="must be|must have"):
+    with pytest.raises(ValueError, match="must"):
         getattr(_core, name)(*arguments)

@@ -121,7 +121,7 @@ def test_a_start_or_a_scene_that_cannot_be_seen_is_refused_and_the_next_reset_go
     turned = {"start.orientation": [0.0, 0.0, np.sin(0.4), np.cos(0.4)]}
     for values in ({"start.position": [1e50, 1e50, 1e50], **turned}, {"lines.points": [1e308] * 12}):
         results = node.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
-        assert not results.successful and "can be computed with" in results.reason
+        assert not results.successful and mentions(results.reason, "1e+50")
     assert ros.call(Trigger, "feature_simulator/reset", Trigger.Request()).success
 
 

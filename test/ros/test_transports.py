@@ -2,6 +2,7 @@
 """A process that moves a robot keeps out of shared memory, unless its user has decided otherwise."""
 
 import pytest
+from messages import mentions
 
 from plsing_ros.nodes.container import NODES
 from plsing_ros.nodes.transports import RANGE, TRANSPORTS, avoid_shared_memory
@@ -49,6 +50,6 @@ def test_settings_that_leave_the_risk_are_kept_and_named(environment, words):
 
 def test_images_in_the_same_process_keep_shared_memory():
     environment = {}
-    assert "in one of its own" in avoid_shared_memory([CONTROLLER, TakesImages], environment)
+    assert mentions(avoid_shared_memory([CONTROLLER, TakesImages], environment), "images", "controller")
     assert environment == {}
     assert avoid_shared_memory([CONTROLLER], {TRANSPORTS: "UDPv4"}) == ""

@@ -262,7 +262,7 @@ def test_an_image_of_another_camera_is_refused(image):
 
 
 def test_tracking_needs_a_start():
-    with pytest.raises(ObservationError, match="pose to start"):
+    with pytest.raises(ObservationError, match="pose"):
         LineTracker(box(), CAMERA).track(np.zeros((480, 640), np.uint8))
 
 
