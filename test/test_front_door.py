@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""import plsing_ros as pl: the names of the front door, used as a newcomer uses them."""
+"""`import plsing_ros as pl`: the names of the front door, used as a newcomer uses them."""
 
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from messages import mentions
 
 import plsing_ros as pl
 
@@ -149,6 +150,13 @@ lines = pl.LineSet.from_points_directions([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1
 pose = pl.Pose.look_at((3, 2, 2), (0, 0, 0))
 pl.singular_set(lines).nearest_locus(pose)
 print(pl.ServoController(lines, target=pose).step(pl.project(lines, pose), time=0).mode.name)
+for what in (pl.simulate(lines, pose, pose, max_time=0.1).plot, lambda: pl.read_model("box.yaml")):
+    try:
+        what()
+    except pl.PlsingError as error:
+        print(error)
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.stdout == "CONVERGED\n", done.stderr
+    assert done.returncode == 0, done.stderr
+    mode, drawing, reading = done.stdout.splitlines()
+    assert mode == "CONVERGED" and mentions(drawing, "matplotlib") and mentions(reading, "PyYAML")

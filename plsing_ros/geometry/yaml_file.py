@@ -7,9 +7,14 @@ import re
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from plsing_ros.errors import SceneFileError
+
+try:
+    import yaml
+except ImportError:
+    raise SceneFileError(
+        "files are read with PyYAML, which is not installed: sudo apt install python3-yaml, or pip install PyYAML"
+    ) from None
 
 # A scene of ten thousand lines has half of it.
 _MAX_BYTES = 2**20

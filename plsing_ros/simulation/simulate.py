@@ -12,7 +12,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.control.servo_controller import ServoController
-from plsing_ros.errors import ParameterError
+from plsing_ros.errors import ParameterError, PlsingError
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import SimulatorParameters
 from plsing_ros.parameters.options import parameters_from_options
@@ -61,8 +61,17 @@ class SimulatedRun:
 
         Args:
             file: Where to save it as well; None: nowhere.
+
+        Raises:
+            PlsingError: If matplotlib is not installed.
         """
-        from matplotlib.figure import Figure
+        try:
+            from matplotlib.figure import Figure
+        except ImportError:
+            raise PlsingError(
+                "a run is drawn with matplotlib, which is not installed: sudo apt install python3-matplotlib, "
+                "or pip install matplotlib"
+            ) from None
 
         figure = Figure(figsize=(11, 6), layout="constrained")
         centers = np.array([pose.translation for pose in self.poses])
