@@ -11,7 +11,7 @@ from scipy.special import chdtri
 
 from plsing_ros.arrays import Array
 from plsing_ros.control.displacement import composed
-from plsing_ros.control.image_mismatch import ImageMismatch, whitened
+from plsing_ros.control.image_mismatch import ImageMismatch, propagated, whitened
 from plsing_ros.control.pose_doubt import DOUBTFUL, OF_A_POSE
 
 # How sure it is that the errors of the image are not larger than what the best pose leaves of it says.
@@ -78,12 +78,14 @@ class Departure:
         self._latest.append(seen)
         frames, known = len(self._latest), np.linalg.inv(pose)
         together = ImageMismatch.together(self._latest)
-        # As if frames were independent, with what lasts counted once.
-        of_all, of_mean = np.tile(own + frames * lasting, (frames, 1)), own / frames + lasting
         left, limit = math.inf, float(chdtri(spare, _SURE))
         for _ in range(_STEPS if frames == 1 else 1):
             table = self._taken_there(together)
-            rows, mean = whitened(table, of_all), whitened(table.reshape(frames, -1, 7).mean(axis=0), of_mean)
+            # Frames count as independent, and what lasts in them once. Near a line the error of each pose matters, too.
+            of_pose = propagated(table[:, :6], pose)
+            rows = whitened(table, np.tile(own + frames * lasting, (frames, 1)) + of_pose)
+            of_mean = (own + of_pose.reshape(frames, -1, 3).mean(axis=0)) / frames + lasting
+            mean = whitened(table.reshape(frames, -1, 7).mean(axis=0), of_mean)
             if not math.isfinite(float(np.square(rows).sum() + np.square(mean).sum())):
                 # What cannot be computed with is for the law to say.
                 self.change_lines()

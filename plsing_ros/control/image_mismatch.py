@@ -89,6 +89,23 @@ def polar(interaction: Array, image: Array) -> Array:
     return np.stack([turning, rows[:, 2]], axis=1).reshape(-1, 6)
 
 
+def propagated(J: Array, motion: Array) -> Array:
+    """Return what errors of a motion do to each image line, as covariances (angle angle, angle offset, offset offset).
+
+    Args:
+        J: Derivatives of angles and offsets, shape (2n, 6).
+        motion: Covariance of the motion, shape (6, 6).
+
+    Returns:
+        Shape (n, 3).
+    """
+    angle, offset = J[0::2], J[1::2]
+    of_angle, of_offset = angle @ motion, offset @ motion
+    return np.stack(
+        [(of_angle * angle).sum(axis=1), (of_angle * offset).sum(axis=1), (of_offset * offset).sum(axis=1)], axis=1
+    )
+
+
 def whitened(rows: Array, covariances: Array) -> Array:
     """Return rows of angles and offsets divided by Cholesky's root of their covariances.
 
