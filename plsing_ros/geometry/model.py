@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -129,13 +130,14 @@ class Model:
         start = vertices[edges[:, 0]]
         return LineSet.from_points_directions(start, vertices[edges[:, 1]] - start, self.frame, self.ids)
 
-    @property
+    @cached_property
     def center(self) -> Array:
         """The middle of the box round the vertices, shape (3,) [m]."""
         middle: Array = 0.5 * (self.vertices.min(axis=0) + self.vertices.max(axis=0))
+        middle.setflags(write=False)
         return middle
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Of the ball about the center that holds all vertices [m]."""
         return float(np.linalg.norm(self.vertices - self.center, axis=1).max())

@@ -46,6 +46,11 @@ _MIN_GAIN = 0.1
 # What ends a search round a pose, and where it begins in an image after the first.
 _FOUND_EXCESS = 0.8
 _STARTS_PER_IMAGE = 4
+# What is enough of a pose found so within reach of the widest search, where lines that could contradict it by so many
+# degrees of freedom do not: edges between faces that are equally bright are not seen.
+_AGREED_EXCESS, _MIN_AGREED = 0.65, 5.5
+# Of a pose found so, what is covered is left out only where what is seen could contradict it.
+_MIN_FREEDOM = 3.0
 # Of the samples show something else than the object: WEAK beyond, and how many at most do not count.
 _WEAK_COVERED, _MAX_COVERED = 0.25, 0.4
 # WEAK if the standard deviation of the object's position exceeds this share of its radius, LOST beyond all of it.
@@ -165,7 +170,7 @@ class LineTracker:
         self._trusted: Pose | None = None  # the last one of TRACKING
         self._losses = 0  # images since the last good one
         self._squares = self._freedom = _CLAIMED  # of the residuals of recent images
-        self._residuals = np.full((len(model), 2), np.nan)  # of each edge, as remembered; unknown at first
+        self._residuals = np.zeros((len(model), 2))  # of each edge, as remembered
         self._lasting = 0.0  # what residuals share with those remembered, as a sum like the squares
         self._measure = 1.0  # share of the variance of lines that the last image asked for
         self._symmetry: Pose | None
@@ -191,7 +196,7 @@ class LineTracker:
         self._losses = 1
         self._usual = None
         self._contrast[:] = 0.0
-        self._residuals[:], self._lasting = np.nan, 0.0
+        self._residuals[:], self._lasting = 0.0, 0.0
         self._memory.forget()
         if self._points is not None:
             self._points.forget()
@@ -332,7 +337,7 @@ class LineTracker:
 
     def _concluded(self, image: Image, predicted: Pose, fit: _Fit | None, points: PointPose | None) -> Tracking:
         needed, found = self._needed(predicted, fit, points)
-        if fit is None or (fit.clear_excess if found else fit.excess) < needed:
+        if fit is None or self._evidence(fit, found) < needed:
             share = 0.0 if fit is None else fit.support
             return self._lost(f"the image explains {share:.0%} of the visible edges")
         contradicted = f"the edges fit one pose {fit.scale:.1f} times worse than each fits its line"
@@ -399,8 +404,10 @@ class LineTracker:
         """Return the least excess that makes a pose one, and whether it was found by a search."""
         if points is not None:
             return _MIN_EXCESS_WITH_POINTS, False
-        enough = max(_FOUND_EXCESS, _MIN_SHARE_OF_USUAL * (self._usual or 0.0))
-        if fit is not None and fit.excess < enough and self._moved(predicted, fit.T_camera_model) > _RANGES[0]:
+        moved = 0.0 if fit is None else self._moved(predicted, fit.T_camera_model)
+        agreed = fit is not None and fit.scale < 1.0 and fit.freedom >= _MIN_AGREED and moved < _SEARCH_RANGES[0]
+        enough = max(_AGREED_EXCESS if agreed else _FOUND_EXCESS, _MIN_SHARE_OF_USUAL * (self._usual or 0.0))
+        if fit is not None and fit.excess < enough and moved > _RANGES[0]:
             # Searched widely, other things are found, too, and other sides of the object.
             return enough, True
         return _GOOD_EXCESS, self._losses > 0
@@ -408,8 +415,11 @@ class LineTracker:
     def _is_better(self, predicted: Pose, other: _Fit, fit: _Fit) -> bool:
         """Return whether edges alone explain more, and enough to be a pose."""
         needed, found = self._needed(predicted, other, None)
-        evidence = other.clear_excess if found else other.excess
-        return other.excess > fit.excess + _MIN_GAIN and evidence >= needed
+        return other.excess > fit.excess + _MIN_GAIN and self._evidence(other, found) >= needed
+
+    @staticmethod
+    def _evidence(fit: _Fit, found: bool) -> float:
+        return fit.clear_excess if found and fit.freedom >= _MIN_FREEDOM else fit.excess
 
     def _moved(self, a: Pose, b: Pose) -> float:
         """Return how far the object moved in the image, the most of its vertices [px]."""
@@ -427,11 +437,8 @@ class LineTracker:
             self._squares = _REMEMBERED * self._squares + fit.squares
             self._freedom = _REMEMBERED * self._freedom + fit.freedom
             before = self._residuals[fit.edges]
-            new = np.isnan(before)
-            shared = fit.weights[:, np.newaxis] * fit.residuals * np.where(new, 0.0, before)
-            self._lasting = _REMEMBERED * self._lasting + float(shared.sum())
-            followed = before + _FOLLOWED * (fit.residuals - before)
-            self._residuals[fit.edges] = np.where(new, fit.residuals, followed)
+            self._lasting = _REMEMBERED * self._lasting + float(fit.weights @ (fit.residuals * before).sum(axis=1))
+            self._residuals[fit.edges] = before + _FOLLOWED * (fit.residuals - before)
         variance = self._squares / self._freedom
         # Residuals at the pose of points are those of that pose as well.
         if fit.freedom > 1.0 and not fit.by_points_alone:

@@ -286,3 +286,17 @@ def test_a_lens_is_undone():
     pixels = np.array([[20.0, 30.0], [320.0, 240.0], [600.0, 460.0]])
     points = np.column_stack([LENS.normalised(pixels), np.ones(3)])
     np.testing.assert_allclose(LENS.project(2.0 * points), pixels, atol=1e-6)
+
+
+@pytest.mark.parametrize(("light", "background"), [(0.6, 0.02), (0.3, 0.9)])
+def test_an_object_is_found_by_its_outline_alone_where_that_leaves_no_other_pose(light, background):
+    """Between faces that are equally bright no edge is seen: less than 80 % are explained."""
+    drawing, random = PolygonRenderer(box(), CAMERA, (light,) * 6, background), np.random.default_rng(2)
+    true = Pose.look_at((0.27, 0.27, 0.25), (0.0, 0.0, 0.0))
+    given = Pose(true.rotation @ Rotation.from_rotvec([0.02, -0.02, 0.02]).as_matrix(), true.translation + 0.004)
+    tracker = LineTracker(box(), CAMERA)
+    tracker.start(given)
+    result = tracker.track(drawing.render(true.inverse(), 2.0, random))
+    assert result.state == TrackingState.WEAK, result.reason
+    assert result.support < 0.8
+    assert error(result.T_world_camera, true)[0] < 3e-3
