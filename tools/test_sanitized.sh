@@ -7,8 +7,8 @@ flags="-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-fr
 flags="$flags -Dflatten=unused"
 CFLAGS="$flags" CXXFLAGS="$flags" LDFLAGS="$flags" \
     python3 setup.py -q build --build-base build/sanitized --build-lib "$tree"
-rm -rf "$tree/test"
-cp -r test pyproject.toml "$tree"
+rm -rf "$tree/test" "$tree/paper"
+cp -r test paper pyproject.toml "$tree"
 cd "$tree"
 # Python itself is not built with it, so that the library must be there first; leaks of Python are not ours.
 export LD_PRELOAD="$(g++ -print-file-name=libasan.so) $(g++ -print-file-name=libstdc++.so)"
