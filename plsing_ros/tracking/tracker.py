@@ -62,7 +62,7 @@ _MIN_DOUBT, _DOUBT_PER_LOSS = 0.5, 0.1
 _FORGETTING = 1.3
 # Lines that agree better than they claim to, image after image, are better. The pose gives way to what they are off by
 # for long, such as by the model or the light: of that part of the variance, this many times more than residuals show.
-_LASTING = 1.5
+_LASTING = 2.0
 _FOLLOWED = 0.3  # of the last residual, by what is remembered of those of an edge
 _REMEMBERED = 0.9  # of what residuals of former images showed, from one image to the next
 _CLAIMED = 5.0  # degrees of freedom of residuals as large as claimed that a tracker begins with
