@@ -72,10 +72,6 @@ _REMEMBERED_LOSSES = 30  # images without the object after which its faces may l
 _MIN_SHARE_OF_USUAL = 0.85  # of the excess that images had until now: less, and something is in the way, or wrong
 _MAX_SCALE = 1.3  # of residuals, beyond which edges contradict each other
 _MIN_SHARE_IF_CONTRADICTED = 0.93  # as _MIN_SHARE_OF_USUAL, where they do and no points confirm the pose
-# A line with a direction so many times as uncertain as the middle one's is left out, where so many others are left:
-# laws that do not weigh lines would go by it.
-_UNCERTAIN = 5.0
-_ENOUGH_LINES = 6
 _NOTHING: Array = np.zeros((6, 6))
 
 
@@ -513,7 +509,7 @@ class LineTracker:
         rows, lines = fit.edges[good], fit.lines[good]
         image_lines[rows] = np.column_stack([np.cos(lines[:, 0]), np.sin(lines[:, 0]), lines[:, 1]])
         covariances[rows] = share * lines[:, 2:5]
-        usable[rows] = _known_alike(covariances[rows, 0])
+        usable[rows] = True
         ends = self._ends(fit.T_camera_model, usable)
         return LineObservation(self.model.ids, image_lines, usable, covariances=covariances, ends=ends)
 
@@ -555,9 +551,3 @@ def _opencv() -> ModuleType | None:
         return importlib.import_module("cv2")
     except ImportError:
         return None
-
-
-def _known_alike(variances: Array) -> npt.NDArray[np.bool_]:
-    """Return which lines have a direction that is not far less certain than that of most, by its variances."""
-    alike: npt.NDArray[np.bool_] = variances <= _UNCERTAIN**2 * np.median(variances)
-    return alike if alike.sum() >= _ENOUGH_LINES else np.ones(len(variances), dtype=bool)

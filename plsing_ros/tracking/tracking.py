@@ -30,8 +30,8 @@ class Tracking:
         T_world_camera: The pose; None if LOST.
         covariance: Of the pose, as in geometry_msgs/PoseWithCovariance: x, y, z, and rotations about the scene's fixed
             axes, shape (6, 6) [m^2, m rad, rad^2]; zero if LOST.
-        observation: The image lines of all edges with their covariances and the model's ids; hidden ones, those that
-            were not found and those far less certain than most are not usable, and none is if LOST.
+        observation: The image lines of all edges with their covariances and the model's ids; hidden ones and those
+            that were not found are not usable, and none is if LOST.
         support: Share of the samples along visible edges where the image has an edge, in [0, 1].
         chance: Share of them that would have one at a place picked at random, in [0, 1].
         point_count: Points of the faces that agree with the pose, 0 without this cue.

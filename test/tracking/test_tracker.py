@@ -87,17 +87,6 @@ def test_two_edges_do_not_rest_on_one_step_of_the_image(before, now):
         assert off @ np.linalg.solve(result.covariance[:3, :3], off) < 25.0, (seed, 1e3 * np.linalg.norm(off))
 
 
-@pytest.mark.parametrize("aside", [0.052, 0.056, 0.064, 0.068])
-def test_a_line_far_less_certain_than_most_is_not_usable(aside):
-    """The edge of a sliver: degrees off where others are off by tenths, which laws that do not weigh lines go by."""
-    true, random = Pose.look_at((0.12, aside, 0.28), (0.0, 0.0, 0.0)), np.random.default_rng(3)
-    drawing = renderer(background=0.02)
-    result = followed(LineTracker(box(), CAMERA), [drawing.render(true.inverse(), 2.0, random)] * 3, true)[-1]
-    seen = result.observation
-    deviation = np.sqrt(seen.covariances[seen.usable, 0])
-    assert len(deviation) >= 6 and deviation.max() < 6.0 * np.median(deviation)
-
-
 def covered(image, pose, share, across, level, texture):
     """Cover a share of what is seen of the box: from one side, or in the middle if negative; grey, or painted."""
     corners = box().vertices @ pose.inverse().rotation.T + pose.inverse().translation
