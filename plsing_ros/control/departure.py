@@ -11,7 +11,7 @@ from scipy.special import chdtri
 
 from plsing_ros.arrays import Array
 from plsing_ros.control.displacement import composed
-from plsing_ros.control.image_mismatch import ImageMismatch, propagated, whitened
+from plsing_ros.control.image_mismatch import ImageMismatch, covariances_by_motion, whitened
 from plsing_ros.control.pose_doubt import DOUBTFUL, OF_A_POSE
 
 # How sure it is that the errors of the image are not larger than what the best pose leaves of it says.
@@ -82,7 +82,7 @@ class Departure:
         for _ in range(_STEPS if frames == 1 else 1):
             table = self._taken_there(together)
             # Frames count as independent, and what lasts in them once. Near a line the error of each pose matters, too.
-            of_pose = propagated(table[:, :6], pose)
+            of_pose = covariances_by_motion(table[:, :6], pose)
             rows = whitened(table, np.tile(own + frames * lasting, (frames, 1)) + of_pose)
             of_mean = (own + of_pose.reshape(frames, -1, 3).mean(axis=0)) / frames + lasting
             mean = whitened(table.reshape(frames, -1, 7).mean(axis=0), of_mean)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -17,9 +18,7 @@ from plsing_ros.geometry import LineSet
 class ImageMismatch:
     """What the image shows beyond the image of 3-D lines, less what it showed so at the target.
 
-    Attributes:
-        r: Angle and offset of each line, shape (2n,).
-        J: Its derivative by a motion of the camera, shape (2n, 6).
+    It is computed when it is asked for: what several frames show together is only seen from elsewhere.
     """
 
     def __init__(self, lines: LineSet, image: Array, taught: Array) -> None:
@@ -31,9 +30,20 @@ class ImageMismatch:
             taught: The mismatch at the target, shape (2n,).
         """
         self._lines, self._image, self._taught = lines, image, taught
-        projected = project_lines(lines)
-        self.r = compare_image_lines(image, projected) - taught
-        self.J = polar(interaction_matrix(lines), projected)
+
+    @cached_property
+    def r(self) -> Array:
+        """Angle and offset of each line, shape (2n,)."""
+        return compare_image_lines(self._image, self._projected) - self._taught
+
+    @cached_property
+    def J(self) -> Array:
+        """The derivative of r by a motion of the camera, shape (2n, 6)."""
+        return polar(interaction_matrix(self._lines), self._projected)
+
+    @cached_property
+    def _projected(self) -> Array:
+        return project_lines(self._lines)
 
     @classmethod
     def together(cls, frames: Sequence[ImageMismatch]) -> ImageMismatch:
@@ -89,7 +99,7 @@ def polar(interaction: Array, image: Array) -> Array:
     return np.stack([turning, rows[:, 2]], axis=1).reshape(-1, 6)
 
 
-def propagated(J: Array, motion: Array) -> Array:
+def covariances_by_motion(J: Array, motion: Array) -> Array:
     """Return what errors of a motion do to each image line, as covariances (angle angle, angle offset, offset offset).
 
     Args:
