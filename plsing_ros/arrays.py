@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Input checks for arrays, in one place so that every message reads the same."""
+"""Input checks for arrays, in one place so that every message reads the same, and products of vectors."""
 
 from __future__ import annotations
 
@@ -76,3 +76,19 @@ def cross(a: Array, b: Array) -> Array:
     """Return the cross products along the last axis; ten times faster than numpy.cross for a handful of rows."""
     result: Array = a.take(_YZX, -1) * b.take(_ZXY, -1) - a.take(_ZXY, -1) * b.take(_YZX, -1)
     return result
+
+
+# a @ _MINUS_SKEW, as a 3 x 3 matrix, is minus_skew(a).
+_MINUS_SKEW = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0],
+        [0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    ]
+)
+
+
+def minus_skew(vectors: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the matrices of b -> b x a for vectors a of any leading shape, (..., 3, 3)."""
+    matrices: npt.NDArray[Any] = (vectors @ _MINUS_SKEW).reshape(*vectors.shape, 3)
+    return matrices

@@ -14,27 +14,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, cross
+from plsing_ros.arrays import Array, cross, minus_skew
 
 _IDENTITY = np.eye(3)
-# a @ _MINUS_SKEW, as a 3 x 3 matrix, is minus_skew(a).
-_MINUS_SKEW = np.array(
-    [
-        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0],
-        [0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-    ]
-)
 _STEPS = 12
 # Newton's error after a step of relative length s is of the order of s squared.
 _SMALL_STEP = 1e-8
 _LONGEST_STEP = 3.0
-
-
-def minus_skew(vectors: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return the matrices of b -> b x a for vectors a of any leading shape, (..., 3, 3)."""
-    matrices: npt.NDArray[Any] = (vectors @ _MINUS_SKEW).reshape(*vectors.shape, 3)
-    return matrices
 
 
 def bilinear_tensor(direction: npt.NDArray[Any], point: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -10,9 +10,8 @@ from itertools import combinations_with_replacement
 import numpy as np
 import numpy.typing as npt
 
-from plsing_ros.arrays import Array, checked_array, cross, vector_text
+from plsing_ros.arrays import Array, checked_array, cross, minus_skew, vector_text
 from plsing_ros.geometry.pose import checked_position
-from plsing_ros.singularities.bilinear_system import minus_skew
 from plsing_ros.singularities.loci import Kind
 from plsing_ros.singularities.scene_frame import SceneFrame
 from plsing_ros.singularities.transversals import TransversalAnalysis, TransversalFamily

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plsing_ros.arrays import Array, cross
+from plsing_ros.arrays import Array, cross, minus_skew
 
 # Of what an estimate knows from former images, this share is as if it were of this one: they had the same errors.
 _SAME = 0.98
@@ -39,10 +39,10 @@ def model_covariance(ends: Array, lines: Array, weights: Array, information: Arr
         ],
         axis=1,
     )
-    jacobian = by_moment @ np.concatenate([-_skew(direction), -_skew(moment)], axis=2)
+    jacobian = by_moment @ np.concatenate([minus_skew(direction), minus_skew(moment)], axis=2)
     length = (direction * direction).sum(axis=1)[:, np.newaxis, np.newaxis]
     across = length * np.eye(3) - direction[:, :, np.newaxis] * direction[:, np.newaxis]
-    lever = _skew(middle)
+    lever = minus_skew(middle)
     of_moment = (std[:, 0, np.newaxis, np.newaxis] ** 2) * across + (std[:, 1, np.newaxis, np.newaxis] ** 2) * (
         lever @ across @ lever.transpose(0, 2, 1)
     )
@@ -54,8 +54,3 @@ def model_covariance(ends: Array, lines: Array, weights: Array, information: Arr
     inverse = np.linalg.inv(information - _SAME * prior + least)
     result: Array = inverse @ scatter @ inverse
     return result
-
-
-def _skew(vectors: Array) -> Array:
-    """Return the matrices of cross products, shape (k, 3, 3)."""
-    return np.asarray(np.cross(vectors[:, np.newaxis], np.eye(3)).transpose(0, 2, 1), dtype=float)
