@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plsing_ros._core import compiled
-from plsing_ros.arrays import Array
-from plsing_ros.errors import ObservationError
+from plsing_ros.arrays import Array, checked_array
+from plsing_ros.errors import GeometryError, ObservationError
 from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
@@ -72,6 +72,7 @@ _REMEMBERED_LOSSES = 30  # images without the object after which its faces may l
 _MIN_SHARE_OF_USUAL = 0.85  # of the excess that images had until now: less, and something is in the way, or wrong
 _MAX_SCALE = 1.3  # of residuals, beyond which edges contradict each other
 _MIN_SHARE_IF_CONTRADICTED = 0.93  # as _MIN_SHARE_OF_USUAL, where they do and no points confirm the pose
+_MAX_READOUT_TIME = 1.0  # [s]
 _NOTHING: Array = np.zeros((6, 6))
 
 
@@ -143,7 +144,11 @@ class LineTracker:
         gamma: Exponent from grey levels to light: 2.2 of nearly all cameras, 1 of those that are linear.
         readout_time: From the first row of an image to the last, of a rolling shutter; 0 if all are taken at once [s].
         edge_std: How well the edges are known: standard deviation of the middle of each across it [m], and of its
-            direction [rad], shape (n, 2); exactly if not given.
+            direction [rad], shape (n, 2), each at least 0; exactly if not given.
+
+    Raises:
+        GeometryError: If readout_time is not in 0 to 1 s, or edge_std has another shape, or holds a number that is not
+            finite or below 0.
     """
 
     def __init__(
@@ -155,7 +160,8 @@ class LineTracker:
         readout_time: float = 0.0,
         edge_std: Array | None = None,
     ) -> None:
-        self._readout_time, self._edge_std = readout_time, edge_std
+        self._readout_time = _checked_readout_time(readout_time)
+        self._edge_std = None if edge_std is None else _checked_edge_std(edge_std, len(model))
         self._per_row = 0.0  # of the time since the last image, in which a unit of the normalised image is read
         self._time: float | None = None  # of this image, and of the last one with a pose [s]
         self._last_time: float | None = None
@@ -551,3 +557,16 @@ def _opencv() -> ModuleType | None:
         return importlib.import_module("cv2")
     except ImportError:
         return None
+
+
+def _checked_readout_time(value: float) -> float:
+    if not 0.0 <= value <= _MAX_READOUT_TIME:
+        raise GeometryError(f"readout_time is {value} s; it must be from 0 to {_MAX_READOUT_TIME:g} s")
+    return value
+
+
+def _checked_edge_std(value: npt.ArrayLike, edges: int) -> Array:
+    std = checked_array("edge_std", value, (edges, 2))
+    if (std < 0.0).any():
+        raise GeometryError(f"edge_std holds {std.min()}; a standard deviation must be at least 0")
+    return std

@@ -282,6 +282,22 @@ def test_a_calibration_that_is_none_is_refused(changes, said):
         PinholeCamera.from_calibration(**{**given, "coefficients": [0.0] * 5, **changes})
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"readout_time": -0.01}, ("readout_time", "-0.01")),
+        ({"readout_time": np.nan}, ("readout_time", "nan")),
+        ({"edge_std": np.zeros((3, 2))}, ("edge_std", "3", "12")),
+        ({"edge_std": np.full((12, 2), -1e-3)}, ("edge_std", "-0.001")),
+        ({"edge_std": np.full((12, 2), np.inf)}, ("edge_std", "inf")),
+    ],
+)
+def test_a_tolerance_or_a_readout_that_is_none_is_refused(options, said):
+    with pytest.raises(GeometryError) as error:
+        LineTracker(box(), CAMERA, **options)
+    assert mentions(str(error.value), *said)
+
+
 def test_a_lens_is_undone():
     pixels = np.array([[20.0, 30.0], [320.0, 240.0], [600.0, 460.0]])
     points = np.column_stack([LENS.normalised(pixels), np.ones(3)])
