@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.board_poses import board_poses
-from benchmark.texture_agreement import texture_agreement
+from benchmark.board_poses import BoardPoses, board_poses
+from benchmark.cube_figure import draw
+from benchmark.texture_points import deviations, follow_points, poses_of_points
+from plsing_ros.arrays import minus_skew
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
 from plsing_ros.geometry.model_files import read_model
@@ -33,6 +35,8 @@ _SOURCE = Path(__file__).with_name("visp_line_tracker.cpp")
 _LIBRARIES = ("-lvisp_core", "-lvisp_io", "-lvisp_mbt", "-lvisp_me", "-lvisp_klt", "-lvisp_vision")
 _LOST = 0.02, np.radians(5.0)
 _AGREE = 0.005
+_PERIOD = 1.0 / 30.0  # [s]
+_STILL = 9  # images of the textured cube before anything moves
 # Where ViSP's example puts the cube of the rendered sequence in the castle's frame.
 _CUBE_IN_CASTLE = np.array([[-1.0, 0, 0, -0.2], [0, 0, 1.0, 0.12], [0, 1.0, 0, -0.15]])
 
@@ -60,12 +64,12 @@ class TestSequence:
 
 
 def follow(given: TestSequence, images: Sequence[Any], step: int = 1, **options: Any) -> dict[int, Result]:
-    """Return what our tracker says of every step-th image; times are in images."""
+    """Return what our tracker says of every step-th image; the time between images is _PERIOD."""
     tracker = LineTracker(given.model, given.camera, **options)
     results = {}
     for k in range(0, len(images), step):
         begin = time.process_time()
-        found = tracker.track(images[k], given.start.inverse() if k == 0 else None, float(k))
+        found = tracker.track(images[k], given.start.inverse() if k == 0 else None, _PERIOD * k)
         seconds = time.process_time() - begin
         pose = None if found.T_world_camera is None else found.T_world_camera.inverse()
         results[k] = Result(pose, seconds, found.state, found)
@@ -215,19 +219,18 @@ def textured_cube() -> None:
         "the time between images"
     )
     edge_std = np.tile((POSITION_STD, DIRECTION_STD), (len(given.model), 1))
-    poses: dict[str, list[Pose | None]] = {}
+    runs: dict[str, dict[int, Result]] = {}
     for tracker, options in {
         "all rows at once, edges exact": {},
         "all rows at once, edges as well known as lines are by default": {"edge_std": edge_std},
-        "row by row, edges so, too": {"edge_std": edge_std, "readout_time": rolling.readout},
+        "row by row, edges so, too": {"edge_std": edge_std, "readout_time": _PERIOD * rolling.readout},
     }.items():
-        results = follow(given, images, **options)
+        runs[tracker] = results = follow(given, images, **options)
         found = {k: each.pose for k, each in results.items() if each.pose is not None}
         states = [each.state.name for each in results.values()]
         print(f"  {tracker}: " + ", ".join(f"{states.count(each)} {each}" for each in sorted(set(states))))
         rows = {k: camera.project(pose.translation[np.newaxis])[0, 1] for k, pose in found.items()}
         boards = {"published": grid, "row by row": [rolling.at(k, rows.get(k, 240.0)) for k in range(len(files))]}
-        poses[tracker] = [found.get(k) for k in range(len(files))]
         for name, board in boards.items():
             tracked = {k: board[k].inverse() @ pose for k, pose in found.items()}
             places = {
@@ -236,29 +239,70 @@ def textured_cube() -> None:
                 "of all poses": _mean(list(tracked.values())),
             }
             for where, place in places.items():
-                off = np.array([_error(pose, board[k] @ place) for k, pose in found.items()])
+                true = {k: board[k] @ place for k in found}
+                off = np.array([_error(pose, true[k]) for k, pose in found.items()])
                 good = (off[:, 0] < 0.03) & (off[:, 1] < np.radians(10.0))
-                errors = " / ".join(f"{each:.1f}" for each in 1e3 * np.percentile(off[:, 0], [50, 90, 100]))
-                turns = " / ".join(f"{each:.1f}" for each in np.degrees(np.percentile(off[:, 1], [50, 90, 100])))
                 squares = [
                     (
-                        _squares(each.tracking, board[k] @ place),
-                        _squares(each.tracking, board[k] @ place, rolling.covariance_at(k, rows[k])),
+                        _squares(each.tracking, true[k]),
+                        _squares(each.tracking, true[k], rolling.covariance_at(k, rows[k])),
+                        *_parts(each.tracking, true[k]),
                     )
                     for k, each in results.items()
                     if _is_ok(each)
                 ]
-                alone, both = np.median(squares, axis=0)
+                alone, both, turn = np.median(squares, axis=0)[:3]
+                x, y, z = np.sqrt(np.mean(np.array(squares)[:, 3:], axis=0))
                 print(
                     f"    board {name}, place {where}: {good.sum() / len(files):.0%} within 30 mm and 10 degrees; "
-                    f"{errors} mm, {turns} degrees (median, 90 %, largest); NEES of OK poses {alone:.0f}, "
-                    f"{both:.1f} with the covariance of the board's poses"
+                    f"{_spread(found, true)} (median, 90 %, largest); NEES of OK poses {alone:.0f}, {both:.1f} with "
+                    f"the covariance of the board's poses, {turn:.1f} of the turn alone; the cube's middle is off by "
+                    f"{x:.1f}, {y:.1f} standard deviations sideways, {z:.1f} along the view"
                 )
-            poses[f"board {name}"] = [each @ places["clicked"] for each in board[: len(files)]]
-    print("  correlation of what is painted on a face with its mean over the other images, median and lowest tenth:")
-    for name, chosen in poses.items():
-        agreement = texture_agreement(given.model, camera, images, chosen)
-        print(f"    {name}: {np.median(agreement):.3f}, {np.percentile(agreement, 10):.3f}")
+    _, plain, by_rows = runs.values()
+    without_edges(given, grid, rolling, {"tracked": plain, "tracked, readout_time given": by_rows})
+
+
+def without_edges(
+    given: TestSequence, grid: Sequence[Pose], rolling: BoardPoses, runs: Mapping[str, Mapping[int, Result]]
+) -> None:
+    """Print what points painted on the textured cube say of poses; draw it in the file PLSING_CUBE_FIGURE.
+
+    Args:
+        given: The sequence.
+        grid: The published poses of the board.
+        rolling: Its poses with the time of each row.
+        runs: Of trackers, by name; the first one has a pose of each image.
+    """
+    camera, images = given.camera, given.images
+    found = {name: {k: each.pose for k, each in run.items() if each.pose is not None} for name, run in runs.items()}
+    tracked = next(iter(found.values()))
+    tracks = follow_points(given.model, camera, images, list(tracked.values()))
+    off = {
+        "published poses": deviations(camera, tracks, lambda k, row: grid[k]),
+        "row by row": deviations(camera, tracks, rolling.at),
+    }
+    for name, poses in found.items():
+        kept = [{k: pixel for k, pixel in track.items() if k in poses} for track in tracks]
+        off[name] = deviations(camera, [each for each in kept if len(each) > 1], lambda k, row, of=poses: of[k])
+    print(f"  {len(tracks)} points painted on the cube, off if they stay where they are, median and 90 % [px]:")
+    for name, (_, pixels) in off.items():
+        print(f"    {name}: {np.median(pixels):.2f}, {np.percentile(pixels, 90):.2f}")
+    board = [rolling.at(k, camera.project(pose.translation[np.newaxis])[0, 1]) for k, pose in tracked.items()]
+    place = _mean([board[k].inverse() @ tracked[k] for k in range(_STILL)])
+    exact = {k: pose @ place for k, pose in enumerate(board)}
+    clicked = grid[0].inverse() @ given.start
+    published = {k: grid[k] @ clicked for k in tracked}
+    turns = {}
+    for name, poses in {
+        **found,
+        "points alone, fixed at the first pose": poses_of_points(given.model, camera, tracks, tracked[0], len(images)),
+        "board row by row, place of the still images": exact,
+    }.items():
+        print(f"    {name}: {_spread(poses, exact)} from the last row; {_spread(poses, published)} from the published")
+        turns[name] = list(poses), [np.degrees(_error(pose, exact[k])[1]) for k, pose in poses.items()]
+    if "PLSING_CUBE_FIGURE" in os.environ:
+        draw({name: each for name, each in off.items() if name != list(found)[1]}, turns)
 
 
 def main(quick: bool = False) -> None:
@@ -340,6 +384,27 @@ def _squares(tracking: Any, true: Pose, of_true: Any = 0.0) -> float:
     off = np.concatenate([tracking.T_world_camera.translation - T_world_camera.translation, turn])
     both = tracking.covariance + (turned_covariance(of_true, T_world_camera.rotation) if np.ndim(of_true) else 0.0)
     return float(off @ np.linalg.solve(both, off))
+
+
+def _parts(tracking: Any, true: Pose) -> list[float]:
+    """Return the squared error of the turn in its covariance, and those of the model's middle along x, y, z."""
+    rotation = tracking.T_world_camera.rotation
+    turn = rotation.T @ rotation_vector(rotation @ true.rotation)
+    covariance = turned_covariance(tracking.covariance, rotation.T)
+    middle = tracking.T_world_camera.inverse().translation
+    off = rotation.T @ (tracking.T_world_camera.translation - true.inverse().translation)
+    by_motion = np.hstack([np.eye(3), minus_skew(middle)])
+    shift = by_motion @ np.concatenate([off, turn])
+    variances = np.diag(by_motion @ covariance @ by_motion.T)
+    return [float(turn @ np.linalg.solve(covariance[3:, 3:], turn)), *(shift * shift / variances)]
+
+
+def _spread(poses: Mapping[int, Pose], true: Mapping[int, Pose]) -> str:
+    off = np.array([_error(pose, true[k]) for k, pose in poses.items()])
+    return ", ".join(
+        " / ".join(f"{each:.1f}" for each in np.percentile(column, [50, 90, 100])) + f" {unit}"
+        for column, unit in ((1e3 * off[:, 0], "mm"), (np.degrees(off[:, 1]), "degrees"))
+    )
 
 
 def _is_lost(pose: Pose | None, reference: Any) -> bool:
