@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """When the straight way is gone by the pose: across a locus, but not where lines leave the view on it."""
 
+import re
+
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from messages import mentions
 from strategies import numbers, vectors
 
@@ -86,7 +88,14 @@ def seen(pose):
     return count
 
 
+def is_riskier(reason):
+    """Whether a reason gives a risk of the straight way that is higher than that of the other by the margin."""
+    found = re.search(r"predicted risk (\d+)%, straight by the pose (\d+)%", reason)
+    return found is not None and int(found[2]) >= int(found[1]) + 5
+
+
 @given(shift=vectors(6, -0.1, 0.1))
+@example(shift=np.array([0.0625, 0.0, 0.0, 0.03125, -0.015625, 0.015625]))
 @settings(max_examples=8, deadline=None)
 def test_the_way_leads_round_where_too_few_lines_are_in_view_on_the_straight_one(shift):
     start, target = (
@@ -103,6 +112,6 @@ def test_the_way_leads_round_where_too_few_lines_are_in_view_on_the_straight_one
         # Points at the edge of the image, and poses between these, may count otherwise.
         assert min(straight) >= min(at_ends, 4) - 1
     elif plan.path is not None and "every path" not in plan.reason:
-        assert mentions(plan.reason, "view") or mentions(plan.reason, "straight by the pose 100%")
+        assert mentions(plan.reason, "view") or is_riskier(plan.reason)
         assert min(seen(pose) for pose in plan.path.sampled(60)) >= at_ends - 1
         assert min(straight) <= min(at_ends, 4)
