@@ -53,7 +53,8 @@ class Sizes:
     """Samples of a number, those of before forgotten by and by: how large it is, but for the largest of them."""
 
     def __init__(self) -> None:
-        self._answers: list[tuple[float, Array]] = []
+        self._sizes: Array = np.zeros(0)
+        self._weights: Array = np.zeros(0)
 
     def add(self, samples: Array, kept: float, share: float) -> float:
         """Return the size that this share of all samples reaches, after one more answer of them.
@@ -63,8 +64,9 @@ class Sizes:
             kept: Weight of what came before, over the one that it had.
             share: Above 0, at most 1.
         """
-        before = [(kept * weight, each) for weight, each in self._answers if kept * weight >= _FORGOTTEN]
-        self._answers = [*before, (1.0, samples)]
-        sizes = np.concatenate([each for _, each in self._answers])
-        weights = np.concatenate([np.full(len(each), weight) for weight, each in self._answers])
-        return reached_size(sizes, weights, share)
+        weights = kept * self._weights
+        # They are in the order of their weights.
+        first = int(weights.searchsorted(_FORGOTTEN))
+        self._sizes = np.concatenate([self._sizes[first:], samples])
+        self._weights = np.concatenate([weights[first:], np.ones(len(samples))])
+        return reached_size(self._sizes, self._weights, share)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -38,13 +37,12 @@ class Risk:
     shaking: float | None = None
     lacks_path: bool = False
 
-    @cached_property
+    @property
     def time_to_harm(self) -> float | None:
         """Median of the samples that come to harm, from the stamp on [s]; None if none does."""
-        harmed = self.outcomes.kind != Harm.NONE
-        return float(np.median(self.outcomes.harm_time[harmed])) if harmed.any() else None
+        return self.outcomes.time_to_harm
 
-    @cached_property
+    @property
     def harm(self) -> Harm:
         """The most frequent kind of harm, NONE if no sample comes to harm."""
         return self.outcomes.harm

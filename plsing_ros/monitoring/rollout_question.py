@@ -130,6 +130,8 @@ class RolloutQuestion:
             first = ControllerParameters.slow_scale * first
         state = dataclasses.replace(state, answer=first)
         outcomes = roll_out_around(seen_task, pose, self.covariance, parameters.samples, state, self.seed)
+        # Computed here, in the thread of the roll-outs, and not in a cycle.
+        _ = outcomes.time_to_harm, outcomes.harm
         if shaking is None and not self.is_first:
             shaking = expected_shaking(task, parameters.samples, self.seed, MAX_STEPS)
         is_other = is_known and self.check.is_other(task)

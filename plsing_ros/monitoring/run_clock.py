@@ -95,7 +95,7 @@ class RunClock:
 def distance_between(here: Pose, target: Pose, used: Sequence[int]) -> tuple[float, float]:
     """Return distance [m] and angle [rad] between two cameras, along the degrees of freedom in use (of the camera)."""
     if all(used):
-        cosine = 0.5 * (float(np.vdot(here.rotation, target.rotation)) - 1.0)
+        cosine = 0.5 * (float(here.rotation.ravel().dot(target.rotation.ravel())) - 1.0)
         # Plain numbers, because every cycle needs this.
         away = math.dist(here.translation.tolist(), target.translation.tolist())
         return away, math.acos(min(max(cosine, -1.0), 1.0))

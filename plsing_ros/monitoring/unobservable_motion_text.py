@@ -5,9 +5,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from plsing_ros.arrays import Array, cross
+from plsing_ros.arrays import Array
 from plsing_ros.geometry import Pose
 from plsing_ros.singularities import LocusDistance, SingularSet
 
@@ -15,6 +13,7 @@ from plsing_ros.singularities import LocusDistance, SingularSet
 _TRANSLATION = 0.1
 # About 8 degrees: near a transversal the least observable direction is along it only to first order.
 _ALONG = 0.99
+_AXES, _ORIGIN = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
 
 
 def unobservable_motion_text(
@@ -28,21 +27,28 @@ def unobservable_motion_text(
         singular: The singular set, for the transversals.
         nearest: The nearest locus; its transversal is named first.
     """
-    rotation, center = (np.eye(3), np.zeros(3)) if pose is None else (pose.rotation, pose.translation)
+    # Plain numbers: numpy takes many times as long for three of them, and near a singularity every cycle comes here.
+    rows, (x, y, z) = (_AXES, _ORIGIN) if pose is None else (pose.rotation.tolist(), pose.translation.tolist())
     where = " in the camera frame" if pose is None else ""
-    linear, angular = rotation @ weakest[:3], rotation @ weakest[3:]
-    speed, turn = math.sqrt(float(linear @ linear)), math.sqrt(float(angular @ angular))
+    vx, vy, vz, wx, wy, wz = weakest.tolist()
+    vx, vy, vz = [a * vx + b * vy + c * vz for a, b, c in rows]
+    wx, wy, wz = [a * wx + b * wy + c * wz for a, b, c in rows]
+    speed, turn = math.hypot(vx, vy, vz), math.hypot(wx, wy, wz)
     if turn <= _TRANSLATION * speed:
         if pose is not None:
             transversals = sorted(singular.transversals, key=lambda each: nearest is None or each.name != nearest.name)
             for transversal in transversals:
-                if abs(float(transversal.direction @ linear)) >= _ALONG * speed:
+                if abs(float(transversal.direction @ (vx, vy, vz))) >= _ALONG * speed:
                     return f"translation along {transversal.name}"
-        return f"translation along {_text(linear / speed)}{where}"
-    axis, across = angular / turn, cross(angular, linear) / turn**2
-    pitch = float(axis @ linear) / turn
-    return f"screw about the axis through {_text(center + across)} along {_text(axis)}{where}, pitch {pitch:.3g} m/rad"
+        return f"translation along {_text(vx / speed, vy / speed, vz / speed)}{where}"
+    square = turn * turn
+    x, y, z = x + (wy * vz - wz * vy) / square, y + (wz * vx - wx * vz) / square, z + (wx * vy - wy * vx) / square
+    pitch = (vx * wx + vy * wy + vz * wz) / square
+    return (
+        f"screw about the axis through {_text(x, y, z)} along {_text(wx / turn, wy / turn, wz / turn)}{where}, "
+        f"pitch {pitch:.3g} m/rad"
+    )
 
 
-def _text(vector: Array) -> str:
-    return "(" + ", ".join(f"{value:.3g}" for value in vector.tolist()) + ")"
+def _text(x: float, y: float, z: float) -> str:
+    return f"({x:.3g}, {y:.3g}, {z:.3g})"

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.stats import qmc
 
 from plsing_ros import _core
-from plsing_ros.arrays import Array, checked_array
+from plsing_ros.arrays import Array, shaped_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.features.rank_basis import rank_bases
 from plsing_ros.geometry import LineSet, Pose
@@ -96,7 +96,7 @@ def proximity(
         if not isinstance(pose_or_center, Pose):
             raise GeometryError("covariances of image lines are given with a camera centre alone; give the pose")
         rotation = pose_or_center.rotation
-        weights = checked_array("covariances", covariances, (len(lines), 3))
+        weights = shaped_array("covariances", covariances, (len(lines.ids), 3))
     found = _core.proximity(
         lines.direction,
         lines.pivot,
