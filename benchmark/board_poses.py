@@ -57,7 +57,7 @@ class BoardPoses:
             turns = Rotation.from_rotvec(step[: 3 * n].reshape(n, 3)) * self._rotations
             moved = replace(self, _rotations=turns, _positions=self._positions + step[3 * n :].reshape(n, 3))
             after = moved.at(image, row)
-            motion = compiled.motion_between(before.rotation, before.translation, after.rotation, after.translation)
+            motion = compiled.motion_between(before, after)
             by_unknowns[:, place] = motion / 1e-6
         covariance: np.ndarray = by_unknowns @ self._covariance[np.ix_(columns, columns)] @ by_unknowns.T
         return covariance

@@ -2,37 +2,49 @@
 // The line tracker's inner loops, as plsing_ros/tracking/ calls them.
 #include "tracking.hpp"
 
+namespace pybind11::detail {
+
+// A Pose of Python, or what has its attributes; back it goes as rotation and translation.
+template <>
+struct type_caster<plsing::tracking::Transform> {
+    PYBIND11_TYPE_CASTER(plsing::tracking::Transform, const_name("Pose"));
+
+    bool load(handle source, bool)
+    {
+        if (!hasattr(source, "rotation") || !hasattr(source, "translation"))
+            return false;
+        value = {source.attr("rotation").cast<Eigen::Matrix3d>(), source.attr("translation").cast<Eigen::Vector3d>()};
+        return true;
+    }
+    static handle cast(const plsing::tracking::Transform& pose, return_value_policy, handle)
+    {
+        return make_tuple(pose.rotation, pose.translation).release();
+    }
+};
+
+}  // namespace pybind11::detail
+
 namespace plsing {
 
 using namespace tracking;
 
 namespace {
 
-Transform transform(const Matrix3d& rotation, const Vector3d& translation) { return {rotation, translation}; }
+using Numbers = Eigen::Matrix<double, 12, 1>;  // of a camera
 
-void check(const Image& image)
+Image checked(const Image& image)
 {
     if (image.ndim() != 2)
         throw std::invalid_argument("the image has " + std::to_string(image.ndim()) + " dimensions, expected 2");
+    return image;
 }
-
-py::tuple result_of(const PoseFit& fit)
-{
-    const Rows2 residuals = Eigen::Map<const Rows2>(fit.residuals.empty() ? nullptr : fit.residuals.front().data(),
-                                                    static_cast<Eigen::Index>(fit.residuals.size()), 2);
-    return py::make_tuple(fit.pose.rotation, fit.pose.translation, fit.information, fit.scale, fit.chosen,
-                          fit.weights, fit.squares, residuals);
-}
-
-struct Visible { std::vector<VisibleEdge> edges; };
-struct Lines { std::vector<EdgeLines> edges; };
 
 template <typename Edges>
-std::vector<int> rows_of(const Edges& edges)
+py::array_t<int> rows_of(const Edges& edges)
 {
-    std::vector<int> rows;
-    for (const auto& edge : edges)
-        rows.push_back(edge.edge);
+    py::array_t<int> rows(static_cast<py::ssize_t>(edges.size()));
+    for (std::size_t i = 0; i < edges.size(); ++i)
+        rows.mutable_at(i) = edges[i].edge;
     return rows;
 }
 
@@ -40,81 +52,78 @@ std::vector<int> rows_of(const Edges& edges)
 
 void bind_tracking(pybind11::module_& module)
 {
-    py::class_<Visible>(module, "VisibleEdges", "Visible parts of edges, their samples, and what was found there.")
-        .def("__len__", [](const Visible& visible) { return visible.edges.size(); })
-        .def_property_readonly("edges", [](const Visible& visible) { return rows_of(visible.edges); })
-        .def("points", [](const Visible& visible, int i) {
-            const auto& samples = visible.edges.at(i).samples;
-            Rows2 points(samples.size(), 2);
-            for (std::size_t j = 0; j < samples.size(); ++j)
-                points.row(j) = samples[j].point.transpose();
-            return points;
-        });
-    py::class_<Lines>(module, "EdgeLines", "The lines that fit each visible edge, best first.")
-        .def("__len__", [](const Lines& lines) { return lines.edges.size(); })
-        .def_property_readonly("edges", [](const Lines& lines) { return rows_of(lines.edges); })
-        .def("chosen", [](const Lines& lines, const std::vector<int>& chosen) {
-            // Rows of phi, rho, var phi, cov, var rho, support, contrast, offset.
-            Eigen::Matrix<double, Eigen::Dynamic, 8, Eigen::RowMajor> rows(chosen.size(), 8);
-            for (std::size_t i = 0; i < chosen.size(); ++i) {
-                const FittedLine& line = lines.edges.at(i).lines.at(chosen[i]);
-                rows.row(i) << line.phi, line.rho, line.covariance(0, 0), line.covariance(0, 1), line.covariance(1, 1),
-                    line.support, line.contrast, line.offset;
+    py::class_<EdgeFit>(module, "EdgeFit", "What the edges of an image say of the pose.")
+        .def_property_readonly("pose", [](const EdgeFit& fit) { return fit.fit.pose; })
+        .def_property_readonly("information", [](const EdgeFit& fit) { return fit.fit.information; })
+        .def_property_readonly("scale", [](const EdgeFit& fit) { return fit.fit.scale; })
+        .def_property_readonly("squares", [](const EdgeFit& fit) { return fit.fit.squares; })
+        .def_property_readonly("weights", [](const EdgeFit& fit) { return fit.fit.weights; })
+        .def_property_readonly("edges", [](const EdgeFit& fit) { return rows_of(fit.lines); })
+        .def_property_readonly("visible", [](const EdgeFit& fit) { return rows_of(fit.visible); })
+        .def_property_readonly("residuals", [](const EdgeFit& fit) { return fit.fit.residuals; })
+        .def_property_readonly("lines", [](const EdgeFit& fit) {
+            Eigen::Matrix<double, Eigen::Dynamic, 5, Eigen::RowMajor> rows(fit.lines.size(), 5);
+            for (std::size_t i = 0; i < fit.lines.size(); ++i) {
+                const FittedLine& line = fit.line(i);
+                rows.row(i) << line.phi, line.rho, line.covariance(0, 0), line.covariance(0, 1), line.covariance(1, 1);
             }
             return rows;
-        });
-    py::class_<EdgeModel>(module, "EdgeModel", "Vertices, edges and triangles of an object.")
-        .def(py::init<Rows3, IntRows2, IntRows3, std::vector<std::vector<int>>>())
-        .def("visible_edges", [](const EdgeModel& model, const Matrix3d& rotation, const Vector3d& translation,
-                                 const Eigen::Matrix<double, 12, 1>& camera, int width, int height, double step,
-                                 double margin) {
-            return Visible{model.visible_edges(transform(rotation, translation), Camera(camera), width, height, step,
-                                               margin)};
         })
-        .def("correct_rows", [](const EdgeModel& model, Visible& visible, const Matrix3d& rotation,
-                                const Vector3d& translation, const Vector6& motion, double row, double focal) {
-            model.correct_rows(visible.edges, transform(rotation, translation), motion, row, focal);
+        .def_property_readonly("totals", [](const EdgeFit& fit) {
+            const Eigen::Vector4d sum = fit.counts.colwise().sum();
+            return std::make_tuple(sum[0], sum[1], sum[2], sum[3]);
         })
-        .def("fit_pose", [](const EdgeModel& model, const Lines& lines, const Matrix3d& rotation,
-                            const Vector3d& translation, const Matrix3d& prior_rotation,
-                            const Vector3d& prior_translation, const Matrix6& prior_information) {
-            return result_of(fit_pose(model, lines.edges, transform(rotation, translation),
-                                      transform(prior_rotation, prior_translation), prior_information));
+        .def("freedom", &EdgeFit::freedom);
+    py::class_<EdgeTracker>(module, "EdgeTracker", "Edges of an object followed in the images of one camera.")
+        .def(py::init([](Rows3 vertices, IntRows2 edges, IntRows3 triangles, std::vector<std::vector<int>> of_edges,
+                         const Numbers& camera, int width, int height, double gamma) {
+            return EdgeTracker({std::move(vertices), std::move(edges), std::move(triangles), std::move(of_edges)},
+                               Camera(camera), width, height, gamma);
+        }))
+        .def("forget", &EdgeTracker::forget)
+        .def("samples", [](const EdgeTracker& tracker, const Transform& pose) {
+            std::vector<std::pair<int, std::vector<Vector2d>>> points;
+            for (const VisibleEdge& edge : tracker.visible_edges(pose)) {
+                points.push_back({edge.edge, {}});
+                for (const Sample& sample : edge.samples)
+                    points.back().second.push_back(sample.point);
+            }
+            return points;
         })
-        .def("support", [](const EdgeModel& model, const Visible& visible, const Matrix3d& rotation,
-                           const Vector3d& translation, double focal, int range, double tolerance) {
-            return edge_support(model, visible.edges, transform(rotation, translation), focal, range, tolerance);
+        .def("fit", [](EdgeTracker& tracker, const Image& image, double noise, const Transform& start,
+                       const Matrix6& information, const std::vector<int>& ranges, const Readout* readout) {
+            return tracker.fit(checked(image), noise, start, information, ranges, readout);
+        })
+        .def("other", &EdgeTracker::other)
+        .def("learn", &EdgeTracker::learn)
+        .def("seen_lines", &EdgeTracker::seen_lines);
+    py::class_<FaceMemory>(module, "FaceMemory", "How bright an object's faces were, place by place.")
+        .def(py::init<const Rows3&, const std::vector<int>&, double>())
+        .def("covered", [](FaceMemory& memory, const Image& image, const Image& faces, const std::vector<int>& triangles,
+                           int left, int top, const Transform& pose, const Numbers& camera) {
+            return memory.covered(checked(image), checked(faces), triangles, left, top, pose, Camera(camera));
         });
-    py::class_<EdgeMemory>(module, "EdgeMemory", "How bright an object's own faces are beside its edges.")
-        .def(py::init<int>())
-        .def("forget", &EdgeMemory::forget)
-        .def("learn", [](EdgeMemory& memory, const EdgeModel& model, const Visible& visible, const Matrix3d& rotation,
-                         const Vector3d& translation, double focal, const std::vector<bool>& agree) {
-            memory.learn(model, visible.edges, transform(rotation, translation), focal, agree);
-        });
-    module.def("search_edges", [](Visible& visible, const Image& image, const Eigen::Matrix<double, 12, 1>& camera,
-                                  int range, double noise, double gamma, const Eigen::VectorXd& contrast,
-                                  EdgeMemory& memory) {
-        check(image);
-        search_edges(visible.edges, image, Camera(camera), range, noise, gamma, contrast, memory);
+    py::class_<Readout>(module, "Readout", "How the rows of an image are read if the object moved evenly.")
+        .def(py::init([](const Transform& before, double share, const Vector3d& center) {
+            return Readout{before, share, center};
+        }))
+        .def("of", &Readout::of);
+    module.def("project", [](const Rows3& points, const Numbers& numbers) {
+        const Camera camera(numbers);
+        Rows2 pixels(points.rows(), 2);
+        for (Eigen::Index i = 0; i < points.rows(); ++i)
+            pixels.row(i) = camera.pixel(points.row(i).head<2>().transpose() / points(i, 2)).transpose();
+        return pixels;
     });
-    module.def("fit_edge_lines", [](const Visible& visible, double focal, int range) {
-        return Lines{fit_lines(visible.edges, focal, range)};
-    });
-    module.def("fit_points", [](const Rows3& points, const Rows2& seen, double deviation, const Matrix3d& rotation,
-                                const Vector3d& translation) {
+    module.def("uncertainty", &uncertainty);
+    module.def("fit_points", [](const Rows3& points, const Rows2& seen, double deviation, const Transform& pose) {
         if (points.rows() != seen.rows())
             throw std::invalid_argument("as many points as images of them are needed");
-        return result_of(fit_points(points, seen, deviation, transform(rotation, translation)));
+        const PoseFit fit = fit_points(points, seen, deviation, pose);
+        return py::make_tuple(fit.pose.rotation, fit.pose.translation, fit.information, fit.scale, fit.weights);
     });
-    module.def("motion_between", [](const Matrix3d& rotation, const Vector3d& translation, const Matrix3d& to_rotation,
-                                    const Vector3d& to_translation) {
-        return motion(transform(rotation, translation), transform(to_rotation, to_translation));
-    });
-    module.def("image_noise", [](const Image& image) {
-        check(image);
-        return image_noise(image);
-    });
+    module.def("motion_between", &motion);
+    module.def("image_noise", [](const Image& image) { return image_noise(checked(image)); });
 }
 
 }  // namespace plsing

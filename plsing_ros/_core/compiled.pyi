@@ -6,7 +6,7 @@ ValueError; None comes back for what has no answer. SI units, (v, omega) for twi
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -454,113 +454,161 @@ def closest_approach(
         the closest approach [s] and its distance [m], or NaN if there is none.
     """
 
-# bind_tracking.cpp: visible_edges.cpp, edge_search.cpp, line_fit.cpp, line_pose.cpp. Poses are T_camera_model; a camera
-# is PinholeCamera.numbers; what comes back of a fit is rotation, translation, information (6, 6) of a motion of the
-# model in the camera frame, scale of the residuals, which line of each edge was taken, and its weight in [0, 1].
+# bind_tracking.cpp: edge_tracker.cpp, brightness.cpp, visible_edges.cpp, edge_search.cpp, line_fit.cpp, line_pose.cpp.
+# Poses are T_camera_model; a camera is PinholeCamera.numbers; informations are of a motion of the model in the camera
+# frame.
 
 GreyImage = npt.NDArray[np.uint8]
 IntArray = npt.NDArray[np.int32]
-_Fit = tuple[Array, Array, Array, float, list[int], list[float], float, Array]
 
-class VisibleEdges:
-    """Visible parts of edges, sampled, and what was found there."""
+class _Pose(Protocol):
+    """A Pose, or what has its attributes."""
 
-    edges: list[int]
-    def __len__(self) -> int: ...
-    def points(self, i: int) -> Array:
-        """Return the samples of a visible edge in the normalised image, shape (k, 2)."""
+    @property
+    def rotation(self) -> Array: ...
+    @property
+    def translation(self) -> Array: ...
 
-class EdgeLines:
-    """The lines that fit each visible edge, best first."""
+class EdgeFit:
+    """What the edges of an image say of the pose.
 
-    edges: list[int]
-    def __len__(self) -> int: ...
-    def chosen(self, chosen: list[int]) -> Array:
-        """Return one line of each edge: phi, rho, their variances and covariance, support, contrast, offset [px]."""
+    Attributes:
+        pose: Rotation and translation.
+        information: Of the pose, that of the start included, shape (6, 6).
+        scale: Robust size of the residuals, in the deviations that lines claim.
+        squares: Weighted sum of the squared residuals.
+        residuals: In these deviations, two of each line, shape (k, 2).
+        weights: Of the lines, in [0, 1], shape (k,).
+        edges: Rows of the model's edges that have a line, shape (k,).
+        visible: Rows of the visible edges.
+        lines: phi, rho, and var phi, cov, var rho of each line, shape (k, 5).
+        totals: Samples, those with a step of brightness at the pose, how many would have one by chance, and those
+            without one where something is in the way.
+    """
 
-class EdgeModel:
-    """Vertices, edges and triangles of an object."""
+    pose: tuple[Array, Array]
+    information: Array
+    scale: float
+    squares: float
+    residuals: Array
+    weights: Array
+    edges: IntArray
+    visible: IntArray
+    lines: Array
+    totals: tuple[float, float, float, float]
+    def freedom(self, prior: Array) -> float:
+        """Return the degrees of freedom of the residuals: what lines decide of the pose they cannot contradict."""
+
+class Readout:
+    """How the rows of an image are read if the object moved evenly since the one before.
+
+    Args:
+        before: The pose in the image before.
+        share: Of the time from image to image in which a unit of the normalised image is read.
+        center: Of the object, in the model frame, shape (3,) [m].
+    """
+
+    def __init__(self, before: _Pose, share: float, center: Array) -> None: ...
+    def of(self, pose: _Pose) -> tuple[Array, float]:
+        """Return the motion while a unit of the normalised image is read, and the row of the object's middle there."""
+
+class EdgeTracker:
+    """Edges of an object followed in the images of one camera.
+
+    Args:
+        vertices: Of the object, shape (n, 3) [m].
+        edges: Rows of vertices, shape (m, 2).
+        triangles: Rows of vertices, shape (k, 3).
+        edge_triangles: Of each edge, the triangles that cannot hide it.
+        camera: Its numbers.
+        width: Of the images [px].
+        height: Of the images [px].
+        gamma: Exponent from grey levels to light.
+    """
 
     def __init__(
-        self, vertices: Array, edges: IntArray, triangles: IntArray, edge_triangles: Sequence[Sequence[int]]
-    ) -> None: ...
-    def visible_edges(
         self,
-        rotation: Array,
-        translation: Array,
+        vertices: Array,
+        edges: IntArray,
+        triangles: IntArray,
+        edge_triangles: Sequence[Sequence[int]],
         camera: Array,
         width: int,
         height: int,
-        step: float,
-        margin: float,
-    ) -> VisibleEdges: ...
-    def correct_rows(
+        gamma: float,
+    ) -> None: ...
+    def forget(self, contrast: bool) -> None:
+        """Know no brightness beside edges any more, nor, with `contrast`, the steps across them."""
+
+    def samples(self, pose: _Pose) -> list[tuple[int, list[Array]]]:
+        """Return the visible edges, and their samples in the normalised image."""
+
+    def fit(
         self,
-        visible: VisibleEdges,
-        rotation: Array,
-        translation: Array,
-        motion: Array,
-        row: float,
-        focal: float,
-    ) -> None:
-        """Move steps of brightness to where they were when one row was read; see RowReading."""
+        image: GreyImage,
+        noise: float,
+        start: _Pose,
+        information: Array,
+        ranges: Sequence[int],
+        readout: Readout | None,
+    ) -> EdgeFit | None:
+        """Return what one search range after another finds [px], from a pose with this information; None if no edge is
+        in sight."""
 
-    def fit_pose(
+    def other(self, fit: EdgeFit, start: _Pose) -> tuple[tuple[Array, Array], float]:
+        """Return the pose near another start that fits the same lines, and how many samples it explains."""
+
+    def learn(self, fit: EdgeFit, pose: _Pose, contrast: bool) -> None:
+        """Learn how bright it is beside edges that agree, and, with `contrast`, the steps across them."""
+
+    def seen_lines(self, fit: EdgeFit, pose: _Pose, share: float) -> tuple[Array, npt.NDArray[np.bool_], Array, Array]:
+        """Return image lines, usable, covariances, times `share`, and ends of a LineObservation."""
+
+class FaceMemory:
+    """How bright an object's faces were, place by place.
+
+    Args:
+        places: On the faces, shape (n, 3) [m].
+        triangles: On which triangle of the object each is.
+        apart: How far they are from each other [m].
+    """
+
+    def __init__(self, places: Array, triangles: Sequence[int], apart: float) -> None: ...
+    def covered(
         self,
-        lines: EdgeLines,
-        rotation: Array,
-        translation: Array,
-        prior_rotation: Array,
-        prior_translation: Array,
-        prior_information: Array,
-    ) -> _Fit: ...
-    def support(
-        self,
-        visible: VisibleEdges,
-        rotation: Array,
-        translation: Array,
-        focal: float,
-        search_range: int,
-        tolerance: float,
-    ) -> Array:
-        """Return, for each visible edge, its samples, those with a step at the pose, how many would by chance, and
-        those without one where something is in the way."""
+        image: GreyImage,
+        faces: GreyImage,
+        triangles: Sequence[int],
+        left: int,
+        top: int,
+        pose: _Pose,
+        camera: Array,
+    ) -> IntArray:
+        """Return where something is in the way, as circles, x, y, radius, shape (k, 3), and learn from the rest.
 
-class EdgeMemory:
-    """How bright an object's own faces are beside its edges."""
+        Args:
+            image: Grey.
+            faces: Which triangle is seen at each pixel of a part of the image, from 1, as an index of `triangles`; 0
+                for none.
+            triangles: Rows of the object's triangles.
+            left: Column of the part's first pixel; circles are counted from it.
+            top: Row of that pixel.
+            pose: Of the object.
+            camera: Its numbers.
+        """
 
-    def __init__(self, edges: int) -> None: ...
-    def forget(self) -> None:
-        """Know nothing any more."""
+def project(points_camera: Array, camera: Array) -> Array:
+    """Return the pixels of points (n, 3) before the camera, shape (n, 2)."""
 
-    def learn(
-        self,
-        model: EdgeModel,
-        visible: VisibleEdges,
-        rotation: Array,
-        translation: Array,
-        focal: float,
-        agree: npt.ArrayLike,
-    ) -> None:
-        """Learn from an image at its pose, from the edges that agree with it."""
+def uncertainty(information: Array, pose: _Pose, center: Array, share: float) -> tuple[Array, float, float]:
+    """Return the covariance, shape (6, 6), that an information stands for, times `share`, and the standard deviation
+    of the center's position where it is largest [m], and of the rotation [rad]."""
 
-def search_edges(
-    visible: VisibleEdges,
-    image: GreyImage,
-    camera: Array,
-    search_range: int,
-    noise: float,
-    gamma: float,
-    contrast: Array,
-    memory: EdgeMemory,
-) -> None:
-    """Look for steps of brightness across each visible edge."""
+def fit_points(points: Array, seen: Array, deviation: float, pose: _Pose) -> tuple[Array, Array, Array, float, Array]:
+    """Return the pose that fits points of the model, shape (n, 3), to their images on z = 1, shape (n, 2): rotation,
+    translation, information, scale of the residuals, and the points' weights, shape (n,)."""
 
-def fit_edge_lines(visible: VisibleEdges, focal: float, search_range: int) -> EdgeLines: ...
-def fit_points(points: Array, seen: Array, deviation: float, rotation: Array, translation: Array) -> _Fit:
-    """Return the pose that fits points of the model, shape (n, 3), to their images on z = 1, shape (n, 2)."""
-
-def motion_between(rotation: Array, translation: Array, to_rotation: Array, to_translation: Array) -> Array:
+def motion_between(before: _Pose, after: _Pose) -> Array:
     """Return the motion (v, omega) in the camera frame from one pose to another."""
 
 def image_noise(image: GreyImage) -> float:

@@ -23,23 +23,14 @@ const std::array<double, 2 * HALF + 1> TAPS = [] {
 constexpr double NOISE_GAIN = 0.69;     // of the filter, after the mean of three neighbours
 constexpr double THRESHOLD = 3.5;       // standard deviations of the answer to noise
 constexpr double MIN_RESPONSE = 0.7;    // [grey levels], above the rounding to whole ones
-// Of the brightness beside an edge from the one that is remembered: in deviations, and [grey levels].
-constexpr double MAX_OFF = 4.0, MIN_OFF = 6.0, MIN_SHARE_OFF = 0.1;
 constexpr double MIN_SEEN = 0.4;        // of the samples
-constexpr double SAME = 1.0;            // [px] of a step from an edge, to be this one
-constexpr float RATE = 0.2F;            // of learning
-constexpr float FADING = 1.01F;         // of a deviation, with each image in which the edge is not seen there
-constexpr float FIRST = 8.0F;           // deviation [grey levels]
 
-// A grey level, and the light that it stands for, on the same scale.
 using Level = Eigen::Array2d;
-
-using Levels = std::array<Level, 256>;
 
 struct Pixels {
     const std::uint8_t* data;
     int width, height;
-    const Levels& levels;
+    const GreyLevels& levels;
 
     // Zero outside, which only strongly distorted images reach.
     Level at(const Vector2d& p) const
@@ -62,18 +53,6 @@ double vertex(double left, double here, double right)
     return curvature < 0.0 ? std::clamp(0.5 * (left - right) / curvature, -0.5, 0.5) : 0.0;
 }
 
-const Levels& levels_of(double gamma)
-{
-    thread_local Levels levels;
-    thread_local double known = -1.0;
-    if (gamma != known) {
-        for (int i = 0; i < 256; ++i)
-            levels[i] = {i, 255.0 * std::pow(i / 255.0, gamma)};
-        known = gamma;
-    }
-    return levels;
-}
-
 }  // namespace
 
 double image_noise(const Image& image)
@@ -94,33 +73,22 @@ double image_noise(const Image& image)
 }
 
 void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Camera& camera, int range, double noise,
-                  double gamma, const Eigen::VectorXd& contrast, EdgeMemory& memory)
+                  const GreyLevels& levels, const Eigen::VectorXd& contrast, EdgeMemory& memory)
 {
-    const Pixels pixels{image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
-                        levels_of(gamma)};
+    const Pixels pixels{image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)), levels};
     const double threshold = std::max(THRESHOLD * NOISE_GAIN * noise / std::sqrt(3.0), MIN_RESPONSE);
     const int reach = range + HALF + 1;
     std::vector<Level> profile(2 * reach + 1), response(2 * range + 3);
-    std::vector<double> ratios;
+    std::vector<float> ratios;
     std::size_t samples = 0;
     for (VisibleEdge& edge : edges) {
         const Vector2d normal = edge.normal / camera.focal, tangent = edge.tangent() / camera.focal;
         const double remembered = contrast[edge.edge];
         for (Sample& sample : edge.samples) {
-            if (camera.distorted) {
-                for (int i = -reach; i <= reach; ++i) {
-                    const Vector2d p = sample.point + i * normal;
-                    profile[i + reach] = (pixels.at(camera.pixel(p - tangent)) + pixels.at(camera.pixel(p)) +
-                                          pixels.at(camera.pixel(p + tangent))) / 3.0;
-                }
-            } else {
-                const Vector2d middle = camera.pixel(sample.point);
-                const Vector2d across(normal.x() * camera.fx, normal.y() * camera.fy);
-                const Vector2d side(tangent.x() * camera.fx, tangent.y() * camera.fy);
-                for (int i = -reach; i <= reach; ++i) {
-                    const Vector2d p = middle + i * across;
-                    profile[i + reach] = (pixels.at(p - side) + pixels.at(p) + pixels.at(p + side)) / 3.0;
-                }
+            for (int i = -reach; i <= reach; ++i) {
+                const Vector2d p = sample.point + i * normal;
+                profile[i + reach] = (pixels.at(camera.pixel(p - tangent)) + pixels.at(camera.pixel(p)) +
+                                      pixels.at(camera.pixel(p + tangent))) / 3.0;
             }
             for (int i = -range - 1; i <= range + 1; ++i) {
                 Level sum = Level::Zero();
@@ -135,7 +103,8 @@ void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Cam
             sample.covered = !memory.allows(edge, sample, {0.0F, 0.0F, beside(range + 1)});
             sample.count = 0;
             std::array<double, MAX_CANDIDATES> scores{};
-            double best = 0.0, ratio = 0.0;
+            double best = 0.0;
+            float ratio = 0.0F;
             for (int i = 1; i <= 2 * range + 1; ++i) {
                 const double left = std::abs(response[i - 1][0]), here = std::abs(response[i][0]),
                              right = std::abs(response[i + 1][0]);
@@ -176,7 +145,7 @@ void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Cam
                 scores[place] = score;
                 sample.candidates[place] = candidate;
             }
-            if (ratio > 0.0)
+            if (ratio > 0.0F)
                 ratios.push_back(ratio);
         }
         samples += edge.samples.size();
@@ -184,65 +153,6 @@ void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Cam
     // Elsewhere than at the object's edges steps are few, and tell nothing about its light.
     if (ratios.size() > MIN_SEEN * samples)
         memory.set_gain(ratios);
-}
-
-bool EdgeMemory::allows(const VisibleEdge& edge, const Sample& sample, const Candidate& candidate) const
-{
-    for (int k : {0, 1, 2, 3}) {
-        const Level& level = levels_[edge.edge][sample.place][k];
-        if (edge.on_object[k / 2] && level.mean > 0.0F &&
-            std::abs(candidate.beside[k] - gain_ * level.mean) >
-                gain_ * (MAX_OFF * level.deviation + MIN_SHARE_OFF * level.mean) + MIN_OFF)
-            return false;
-    }
-    return true;
-}
-
-double EdgeMemory::ratio(const VisibleEdge& edge, const Sample& sample, const Candidate& candidate) const
-{
-    for (int k : {0, 1, 2, 3}) {
-        const Level& level = levels_[edge.edge][sample.place][k];
-        if (edge.on_object[k / 2] && level.mean > 0.0F)
-            return candidate.beside[k] / level.mean;
-    }
-    return 0.0;
-}
-
-void EdgeMemory::set_gain(std::vector<double>& ratios)
-{
-    std::nth_element(ratios.begin(), ratios.begin() + ratios.size() / 2, ratios.end());
-    gain_ = std::clamp(ratios[ratios.size() / 2], 0.25, 4.0);
-}
-
-void EdgeMemory::learn(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose,
-                       double focal, const std::vector<bool>& agree)
-{
-    for (std::size_t i = 0; i < edges.size(); ++i) {
-        const VisibleEdge& edge = edges[i];
-        const Vector3d line = model.line(edge.edge, pose);
-        const double across = line.head<2>().dot(edge.normal);
-        for (const Sample& sample : edge.samples) {
-            const double at = -(line.head<2>().dot(sample.point) + line.z()) / across * focal;
-            const Candidate* nearest = nullptr;
-            for (int j = 0; j < sample.count; ++j)
-                if (agree[i] && std::abs(sample.candidates[j].offset - at) < SAME)
-                    nearest = &sample.candidates[j];
-            for (int k : {0, 1, 2, 3}) {
-                Level& level = levels_[edge.edge][sample.place][k];
-                if (!edge.on_object[k / 2])
-                    continue;
-                if (nearest == nullptr) {
-                    level.deviation *= FADING;
-                } else if (level.mean == 0.0F) {
-                    level = {std::max(nearest->beside[k], 1.0F), FIRST};
-                } else {
-                    const float off = nearest->beside[k] - static_cast<float>(gain_) * level.mean;
-                    level.mean += RATE * (nearest->beside[k] - level.mean);
-                    level.deviation += RATE * (1.25F * std::abs(off) - level.deviation);
-                }
-            }
-        }
-    }
 }
 
 }  // namespace plsing::tracking

@@ -134,7 +134,6 @@ bool refine(const VisibleEdge& edge, const Filled& filled, double focal, Straigh
     fitted.covariance = jacobian * covariance * jacobian.transpose();
     fitted.support = static_cast<double>(residuals.size());
     fitted.contrast = contrast / fitted.support;
-    fitted.offset = line.offset;
     return true;
 }
 

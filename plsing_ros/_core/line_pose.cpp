@@ -36,7 +36,7 @@ template <typename Fill>
 PoseFit fit(std::size_t count, Transform pose, const Transform& prior, const Matrix6& prior_information, Fill fill)
 {
     PoseFit fit;
-    fit.weights.assign(count, 0.0);
+    fit.weights = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
     std::vector<Vector2d> residuals(count);
     std::vector<Matrix26> jacobians(count);
     std::vector<double> lengths(count);
@@ -74,7 +74,9 @@ PoseFit fit(std::size_t count, Transform pose, const Transform& prior, const Mat
             iteration = tukey ? ITERATIONS - 1 : CAUCHY_ITERATIONS - 1;
     }
     fit.pose = pose;
-    fit.residuals = residuals;
+    fit.residuals.resize(static_cast<Eigen::Index>(count), 2);
+    for (std::size_t i = 0; i < count; ++i)
+        fit.residuals.row(i) = residuals[i].transpose();
     return fit;
 }
 

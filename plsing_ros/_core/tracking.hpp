@@ -7,8 +7,11 @@
 #include <pybind11/stl.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
+#include <tuple>
 #include <vector>
 
 #include "core.hpp"
@@ -75,11 +78,12 @@ struct Candidate {
 };
 
 constexpr int MAX_CANDIDATES = 3;
+constexpr int PLACES_OF_EDGE = 24;  // whose brightness is remembered
 
 struct Sample {
     Vector2d point;  // on the projected edge, in the normalised image
     double along;    // from the middle of the visible part, along the tangent [px]
-    int place;       // along the edge of the object, as EdgeMemory counts
+    int place;       // of PLACES_OF_EDGE
     bool covered = false;  // whether the object's faces look otherwise beside it than remembered
     int count = 0;
     std::array<Candidate, MAX_CANDIDATES> candidates;
@@ -103,7 +107,6 @@ struct FittedLine {
     Matrix2d covariance;  // of (phi, rho)
     double support;       // samples that agree
     double contrast;      // mean signed response of these
-    double offset;        // from the projected edge, in its middle [px]
 };
 
 // The lines that fit one visible edge, best first.
@@ -115,9 +118,9 @@ struct EdgeLines {
 class EdgeModel {
 public:
     EdgeModel(Rows3 vertices, IntRows2 edges, IntRows3 triangles, std::vector<std::vector<int>> edge_triangles);
-    // Return the visible parts of the edges, sampled every `step` pixels, at least `margin` pixels inside the image.
-    std::vector<VisibleEdge> visible_edges(const Transform& T_camera_model, const Camera& camera, int width, int height,
-                                           double step, double margin) const;
+    // Return the visible parts of the edges, with samples.
+    std::vector<VisibleEdge> visible_edges(const Transform& T_camera_model, const Camera& camera, int width,
+                                           int height) const;
     // Move what was found to where it was when one row of the normalised image was read, in a camera that reads row by
     // row; `motion` is that of the model, in the camera frame, while a unit of the normalised image is read.
     void correct_rows(std::vector<VisibleEdge>& visible, const Transform& T_camera_model, const Vector6& motion,
@@ -140,31 +143,55 @@ private:
 };
 
 using Image = py::array_t<std::uint8_t, py::array::c_style>;
+// Of each grey level, itself and the light that it stands for, on the same scale.
+using GreyLevels = std::array<Eigen::Array2d, 256>;
 
-// How bright the object's own faces are beside its edges: what is in the way has edges, too, and another brightness.
+// Of a place [grey levels].
+struct Brightness {
+    float mean = 0.0F, deviation = 0.0F;
+
+    bool is_known() const { return mean > 0.0F; }
+    // In an image that is `gain` times as bright as the memory.
+    bool differs(float now, float gain, float least) const;
+    void learn(float now, float gain, float rate);
+};
+
 class EdgeMemory {
 public:
-    static constexpr int PLACES = 24;  // along an edge
-
     explicit EdgeMemory(int edges) : levels_(edges) {}
-    void forget() { std::fill(levels_.begin(), levels_.end(), decltype(levels_)::value_type{}); }
     bool allows(const VisibleEdge& edge, const Sample& sample, const Candidate& candidate) const;
-    double ratio(const VisibleEdge& edge, const Sample& sample, const Candidate& candidate) const;
-    void set_gain(std::vector<double>& ratios);
+    float ratio(const VisibleEdge& edge, const Sample& sample, const Candidate& candidate) const;
+    void set_gain(std::vector<float>& ratios);
     void learn(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose, double focal,
-               const std::vector<bool>& agree);
+               const std::vector<bool>& agree);  // of all edges
 
 private:
-    struct Level {
-        float mean, deviation;  // zero where nothing is known
+    std::vector<std::array<std::array<Brightness, 4>, PLACES_OF_EDGE>> levels_;
+    float gain_ = 1.0F;  // of this image over the memory
+};
+
+class FaceMemory {
+public:
+    // Places on triangles of the object, so far from each other [m].
+    FaceMemory(const Rows3& places, const std::vector<int>& triangles, double apart);
+    // Circles, x, y and radius, of a part of the image that begins at `left`, `top`, in which something is in the way;
+    // learn from the rest. `faces` says which of the triangles is seen at each pixel of the part, from 1; 0 for none.
+    IntRows3 covered(const Image& image, const Image& faces, const std::vector<int>& triangles, int left, int top,
+                     const Transform& pose, const Camera& camera);
+
+private:
+    struct Place {
+        Vector3d point;
+        int triangle;
+        std::array<Brightness, 2> levels;  // mean and scatter round the place
     };
-    std::vector<std::array<std::array<Level, 4>, PLACES>> levels_;
-    double gain_ = 1.0;  // of this image over the memory
+    std::vector<Place> places_;
+    double apart_;
 };
 
 // Fill the candidates of each sample from the image.
 void search_edges(std::vector<VisibleEdge>& edges, const Image& image, const Camera& camera, int range, double noise,
-                  double gamma, const Eigen::VectorXd& contrast, EdgeMemory& memory);
+                  const GreyLevels& levels, const Eigen::VectorXd& contrast, EdgeMemory& memory);
 // The standard deviation of the noise of an image [grey levels].
 double image_noise(const Image& image);
 
@@ -175,9 +202,9 @@ struct PoseFit {
     Matrix6 information;     // of a motion of the model in the camera frame
     double scale;            // robust residual in standard deviations: 1 if the covariances are right
     std::vector<int> chosen; // which line of each edge; -1 for none
-    std::vector<double> weights;
+    Eigen::VectorXd weights;
     double squares = 0.0;    // weighted sum of the squared residuals
-    std::vector<Vector2d> residuals;  // of each observation, in its standard deviations
+    Rows2 residuals;         // of each observation, in its standard deviations
 };
 
 PoseFit fit_pose(const EdgeModel& model, const std::vector<EdgeLines>& lines, Transform pose, const Transform& prior,
@@ -187,5 +214,60 @@ PoseFit fit_points(const Rows3& points, const Rows2& seen, double deviation, Tra
 // Of each visible edge: its samples, those with a candidate at the pose, by chance, and without one but covered.
 Rows4 edge_support(const EdgeModel& model, const std::vector<VisibleEdge>& edges, const Transform& pose, double focal,
                    int range, double tolerance);
+
+// How the rows of an image are read if the object moved evenly since the one before.
+struct Readout {
+    Transform before;
+    double share;     // of the time from image to image in which a unit of the normalised image is read
+    Vector3d center;  // of the object
+
+    // The motion while a unit of the normalised image is read, and the row of the object's middle there.
+    std::pair<Vector6, double> of(const Transform& pose) const;
+};
+
+// What the edges of an image say of the pose.
+struct EdgeFit {
+    PoseFit fit;
+    std::vector<VisibleEdge> visible;
+    std::vector<EdgeLines> lines;
+    Rows4 counts;  // as edge_support has them
+
+    const FittedLine& line(std::size_t i) const { return lines[i].lines[fit.chosen[i]]; }
+    bool agrees(std::size_t i) const { return fit.weights[i] > 0.5; }
+    // Degrees of freedom of the residuals: what lines decide of the pose they cannot contradict.
+    double freedom(const Matrix6& prior) const;
+};
+
+// The covariance of a motion of the model in the camera frame that an information stands for, times `share`; the standard
+// deviations of the center's position, where it is largest, and of the rotation.
+std::tuple<Matrix6, double, double> uncertainty(const Matrix6& information, const Transform& pose,
+                                                const Vector3d& center, double share);
+
+class EdgeTracker {
+public:
+    EdgeTracker(EdgeModel model, const Camera& camera, int width, int height, double gamma);
+    void forget(bool contrast);
+    std::vector<VisibleEdge> visible_edges(const Transform& T_camera_model) const
+    {
+        return model_.visible_edges(T_camera_model, camera_, width_, height_);
+    }
+    // Fit with one search range after another, from a pose with this information; nothing where no edge is in sight.
+    std::optional<EdgeFit> fit(const Image& image, double noise, const Transform& start, const Matrix6& information,
+                               const std::vector<int>& ranges, const Readout* readout);
+    // The pose near another start that fits the same lines, and how many samples it explains.
+    std::pair<Transform, double> other(const EdgeFit& fit, const Transform& start) const;
+    void learn(const EdgeFit& fit, const Transform& pose, bool contrast);
+    // Lines, usable, covariances times `share`, and ends for a LineObservation, a row for each edge; else zeros.
+    std::tuple<Rows3, Eigen::Array<bool, Eigen::Dynamic, 1>, Rows3, Rows4> seen_lines(
+        const EdgeFit& fit, const Transform& pose, double share) const;
+
+private:
+    EdgeModel model_;
+    Camera camera_;
+    int width_, height_;
+    GreyLevels levels_;
+    Eigen::VectorXd contrast_;  // signed step of brightness of each edge, 0 if unknown
+    EdgeMemory memory_;
+};
 
 }  // namespace plsing::tracking

@@ -8,6 +8,8 @@ namespace {
 constexpr double NEAR = 1e-3;           // of the depth of the model: what is closer to the focal plane is left out
 constexpr double DEPTH_TOLERANCE = 2e-3;  // a face hides only what is farther by this share
 constexpr double WIDE = 4.0;            // [px] of the middle of a triangle from an edge beside which it is looked at
+constexpr double STEP = 4.0;            // [px] between samples
+constexpr double MARGIN = 6.0;          // [px] of samples from the border of the image
 constexpr double TRIM = 4.0;            // [px] left out at each end of an edge, where other edges begin
 
 // A triangle in the normalised image, with its inverse depth as a linear function there.
@@ -64,7 +66,7 @@ EdgeModel::EdgeModel(Rows3 vertices, IntRows2 edges, IntRows3 triangles, std::ve
 }
 
 std::vector<VisibleEdge> EdgeModel::visible_edges(const Transform& T_camera_model, const Camera& camera, int width,
-                                                  int height, double step, double margin) const
+                                                  int height) const
 {
     const Eigen::Index n = vertices_.rows();
     Rows3 points(n, 3);
@@ -111,10 +113,10 @@ std::vector<VisibleEdge> EdgeModel::visible_edges(const Transform& T_camera_mode
         const Vector2d span = end - start;
         const double length = span.norm() * camera.focal;
         // An edge seen end on has no image line.
-        if (length < 2.0 * TRIM + step || depth < 1e-12)
+        if (length < 2.0 * TRIM + STEP || depth < 1e-12)
             continue;
         // In a distorted image a line may leave it and come back: each sample is looked at.
-        const int count = std::min(static_cast<int>((length - 2.0 * TRIM) / step) + 1, 400);
+        const int count = std::min(static_cast<int>((length - 2.0 * TRIM) / STEP) + 1, 400);
         VisibleEdge visible;
         visible.edge = static_cast<int>(e);
         visible.normal = moment.head<2>() / depth;
@@ -131,12 +133,12 @@ std::vector<VisibleEdge> EdgeModel::visible_edges(const Transform& T_camera_mode
             Sample sample;
             sample.point = start + share * span;
             const Vector2d pixel = camera.pixel(sample.point);
-            if (!(pixel.x() >= margin && pixel.y() >= margin && pixel.x() <= width - 1 - margin &&
-                  pixel.y() <= height - 1 - margin))
+            if (!(pixel.x() >= MARGIN && pixel.y() >= MARGIN && pixel.x() <= width - 1 - MARGIN &&
+                  pixel.y() <= height - 1 - MARGIN))
                 continue;
             const double inverse = (1.0 - share) / a.z() + share / b.z();
             const double at = share / (b.z() * inverse);
-            sample.place = std::min(static_cast<int>(at * EdgeMemory::PLACES), EdgeMemory::PLACES - 1);
+            sample.place = std::min(static_cast<int>(at * PLACES_OF_EDGE), PLACES_OF_EDGE - 1);
             bool hidden = false;
             for (const Screen& screen : screens) {
                 if (screen.hides(sample.point, inverse) &&

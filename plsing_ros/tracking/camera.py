@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from plsing_ros._core import compiled
 from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError
 
@@ -108,15 +109,7 @@ class PinholeCamera:
 
         Source: the distortion model of OpenCV.
         """
-        x, y = (points_camera[:, :2] / points_camera[:, 2:]).T
-        k1, k2, p1, p2, k3, k4, k5, k6 = self.numbers[4:]
-        square = x * x + y * y
-        radial = (1.0 + square * (k1 + square * (k2 + square * k3))) / (
-            1.0 + square * (k4 + square * (k5 + square * k6))
-        )
-        u = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x)
-        v = y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y
-        return np.column_stack([self.fx * u + self.cx, self.fy * v + self.cy])
+        return compiled.project(points_camera, self.numbers)
 
     def normalised(self, pixels: Array) -> Array:
         """Return where the rays of pixels meet the plane z = 1, shape (n, 2), by fixed-point iteration.

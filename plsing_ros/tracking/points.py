@@ -6,6 +6,7 @@ Source: Lucas and Kanade's method in pyramids, as OpenCV has it; points on known
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
@@ -18,7 +19,6 @@ from plsing_ros.arrays import Array, BoolArray, cross
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
 from plsing_ros.tracking.camera import PinholeCamera
-from plsing_ros.tracking.faces import FaceMemory
 from plsing_ros.tracking.row_reading import RowReading
 
 Image = npt.NDArray[np.uint8]
@@ -34,6 +34,7 @@ _POINTS_PER_INDEPENDENT = 4.0
 _RIM = 6
 _LOOK_EACH = 5  # images from one in which points are looked for that something covers to the next
 _SPARSE = 11  # pixels of which one is looked at to tell how bright an image is
+_PLACES = 500  # on all faces whose brightness is remembered
 _CELL = 24  # side of a part of the image that gives its share of corners [px]
 _APART = 6  # points from each other [px]
 _BLOCK = 5  # side of what is looked at to find a corner [px]
@@ -85,7 +86,7 @@ class FacePoints:
         self._model = model
         self._camera = camera
         self._cv = cv
-        self._memory = FaceMemory(model, camera, cv)
+        self._places = _places(model)
         a, b, c = (model.vertices[model.triangles[:, i]] for i in range(3))
         normals = cross(b - a, c - a)
         # Planes of the triangles: normal . point = offset.
@@ -102,7 +103,7 @@ class FacePoints:
         self._taken = 0
         self._noise = 0.0
         self._age = 0
-        self._memory.forget()
+        self._memory = compiled.FaceMemory(*self._places)
         self._image: Image | None = None
         self._reading: RowReading | None = None
 
@@ -152,12 +153,10 @@ class FacePoints:
         pose, read = predicted, reading(predicted)
         for _ in range(1 if read is None else 2):
             there = seen if read is None else read.at_middle(seen, points @ pose.rotation.T + pose.translation)
-            rotation, translation, information, scale, _, weights, *_ = compiled.fit_points(
-                points, there, deviation, pose.rotation, pose.translation
-            )
+            rotation, translation, information, scale, weights = compiled.fit_points(points, there, deviation, pose)
             pose = Pose(rotation, translation)
             read = reading(pose)
-        agree = np.array(weights) > 0.2
+        agree = weights > 0.2
         share = float(agree.sum()) / len(points)
         if agree.sum() < _MIN_POINTS or share < _MIN_SHARE or scale * _DEVIATION > _MAX_DEVIATION:
             return None
@@ -192,8 +191,8 @@ class FacePoints:
         self._points = self._points[:0]
         self._pixels, self._triangles = self._pixels[:0], self._triangles[:0]
         if followed is not None:
-            correction = pose.inverse() @ followed.T_camera_model
-            corrected = followed.points @ correction.rotation.T + correction.translation
+            there = followed.points @ followed.T_camera_model.rotation.T + followed.T_camera_model.translation
+            corrected = (there - pose.translation) @ pose.rotation
             seen, good = self._on_faces(followed.pixels, followed.triangles, pose)
             settled: Array = corrected[good] + _SETTLING * (seen - corrected[good])
             self._points = settled
@@ -247,21 +246,24 @@ class FacePoints:
         # From far to near, so that near faces cover far ones. 0 is no face.
         faces = np.zeros((bottom - top, right - left), dtype=np.uint8)
         order = np.argsort(-vertices[self._model.triangles, 2].mean(axis=1))[-250:]
-        for label, row in enumerate(order, 1):
-            outline = np.round(pixels[self._model.triangles[row]] - (left, top)).astype(np.int32)
+        outlines = np.round(pixels[self._model.triangles[order]] - (left, top)).astype(np.int32)
+        for label, outline in enumerate(outlines, 1):
             self._cv.fillConvexPoly(faces, outline, label)
         part = np.ascontiguousarray(image[top:bottom, left:right])
-        covered = self._memory.covered(part, faces, order, np.array((left, top)), T_camera_model)
+        circles = self._memory.covered(image, faces, order.tolist(), left, top, T_camera_model, self._camera.numbers)
+        covered = np.zeros(faces.shape, dtype=np.uint8)
+        for x, y, radius in circles.tolist():
+            self._cv.circle(covered, (x, y), radius, 1, -1)
         x, y = np.round(self._pixels - (left, top)).astype(int).T
         free = covered[np.clip(y, 0, bottom - top - 1), np.clip(x, 0, right - left - 1)] == 0
         self._points, self._pixels, self._triangles = self._points[free], self._pixels[free], self._triangles[free]
         if not self.is_worn:
             return nothing
-        inside = np.pad((faces > 0).astype(np.uint8), 1)
-        inside = self._cv.erode(inside, np.ones((2 * _RIM + 1,) * 2, np.uint8))[1:-1, 1:-1]
+        around, nothing_there = np.ones((2 * _RIM + 1,) * 2, np.uint8), self._cv.BORDER_CONSTANT
+        inside = self._cv.erode(np.minimum(faces, 1), around, borderType=nothing_there, borderValue=0)
         inside[covered > 0] = 0
-        for x, y in np.round(self._pixels - (left, top)).astype(int):
-            self._cv.circle(inside, (int(x), int(y)), _APART, 0, -1)
+        for x, y in np.round(self._pixels - (left, top)).astype(int).tolist():
+            self._cv.circle(inside, (x, y), _APART, 0, -1)
         room = _MAX_POINTS - len(self._points)
         # OpenCV's gradients are Sobel's, with 12 times the variance of noise, divided by 4 * 255 and the block's side.
         least = _MIN_CORNER * 12.0 * (noise / (4.0 * 255.0)) ** 2
@@ -277,7 +279,8 @@ class FacePoints:
     def _spread(self, corners: Pixels, known: Pixels, room: int) -> Pixels:
         """Return corners where there are few known ones, so that each part of the image has its share."""
         every = np.vstack([known, corners])
-        _, cell = np.unique((every // _CELL).astype(int), axis=0, return_inverse=True)
+        column, row = (every // _CELL).astype(int).T
+        cell = column * self._camera.height + row
         order = np.argsort(cell, kind="stable")
         rank = np.empty(len(every), dtype=int)
         rank[order] = np.arange(len(every)) - np.searchsorted(cell[order], cell[order])
@@ -294,10 +297,31 @@ class FacePoints:
         return scaled
 
     def _window(self, pixels: Array, margin: int) -> tuple[int, int, int, int]:
-        size = self._camera.width, self._camera.height
-        low = np.clip(np.floor(pixels.min(axis=0)) - margin, 0, size)
-        high = np.clip(np.ceil(pixels.max(axis=0)) + margin + 1, 0, size)
-        return int(low[1]), int(low[0]), int(high[1]), int(high[0])
+        size, low, high = (
+            (self._camera.width, self._camera.height),
+            pixels.min(axis=0).tolist(),
+            pixels.max(axis=0).tolist(),
+        )
+        left, top = (int(min(max(each - margin, 0.0), most)) for each, most in zip(low, size, strict=True))
+        right, bottom = (
+            math.ceil(min(max(each + margin + 1.0, 0.0), most)) for each, most in zip(high, size, strict=True)
+        )
+        return top, left, bottom, right
+
+
+def _places(model: Model) -> tuple[Array, list[int], float]:
+    """Return places spread over the faces, shape (n, 3) [m], the triangle of each, and how far they are apart [m]."""
+    a, b, c = (model.vertices[model.triangles[:, i]] for i in range(3))
+    areas = 0.5 * np.linalg.norm(cross(b - a, c - a), axis=1)
+    apart = float(np.sqrt(areas.sum() / _PLACES)) if len(areas) else 1.0
+    places: list[Array] = [np.empty((0, 3))]
+    triangles: list[int] = []
+    for row, n in enumerate(np.clip(np.ceil(np.sqrt(2.0 * areas) / apart).astype(int), 1, 40).tolist()):
+        u, v = (each.reshape(-1, 1) for each in np.meshgrid(*2 * [(np.arange(n) + 0.33) / n], indexing="ij"))
+        inside = ((1.0 - u - v) * a[row] + u * b[row] + v * c[row])[(u + v < 1.0).ravel()]
+        places.append(inside)
+        triangles += [row] * len(inside)
+    return np.vstack(places), triangles, apart
 
 
 def _median(image: Image) -> float:

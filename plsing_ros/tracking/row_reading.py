@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plsing_ros._core import compiled
 from plsing_ros.arrays import Array, cross
-from plsing_ros.geometry import Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,20 +21,6 @@ class RowReading:
 
     motion: Array
     row: float
-
-    @classmethod
-    def between(cls, before: Pose, now: Pose, share: float, center: Array) -> RowReading:
-        """Return the reading of an image from the motion since the last one.
-
-        Args:
-            before: T_camera_model in the last image.
-            now: T_camera_model in this one.
-            share: Of the time from image to image in which a unit of the normalised image is read.
-            center: Of the object, in the model frame, shape (3,) [m].
-        """
-        motion = compiled.motion_between(before.rotation, before.translation, now.rotation, now.translation)
-        _, y, z = now.rotation @ center + now.translation
-        return cls(share * motion, float(y / z))
 
     def at_middle(self, seen: Array, points_camera: Array) -> Array:
         """Return where points were when the row of the object's middle was read, shape (n, 2).

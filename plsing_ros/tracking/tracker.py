@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,12 +29,9 @@ from plsing_ros.tracking.tracking import Tracking, TrackingState
 
 Image = npt.NDArray[np.uint8]
 
-_STEP = 4.0  # between samples along an edge [px]
-_MARGIN = 6.0  # of samples from the border of the image [px]
 _RANGES = (8, 4)  # of the search across an edge, pass after pass [px]
 _RANGES_WITH_POINTS = (5, 3)  # points say well where to search
 _SEARCH_RANGES = (32, 16, 8, 4)
-_TOLERANCE = 1.5  # of an edge in the image from the projected one [px]
 # Squared distance of the pose by all cues from the one by points, in standard deviations: beyond, they do not agree.
 _MAX_DISTANCE = 9.0
 # Support beyond chance: what is needed, with and without points, and what is good enough to learn from.
@@ -82,27 +78,18 @@ class _Fit:
 
     T_camera_model: Pose
     information: Array
-    distance: float  # squared, from the pose of the points, in their standard deviations
-    scale: float
-    squares: float  # weighted sum of the squared residuals, in the deviations that lines claim
-    residuals: Array  # in these deviations, two of each line
     prior: Array  # information of the points
-    edges: npt.NDArray[np.int_]  # rows of the model's edges that have a line
-    lines: Array  # phi, rho, var phi, cov, var rho, support, contrast, offset of each
-    weights: Array
-    visible: npt.NDArray[np.int_]
-    counts: Array  # samples, explained, by chance, and unexplained with something in the way, of each visible edge
-    samples: Any  # of the native core: what was found along the edges, and the lines through it
-    measured: Any
+    distance: float  # squared, from the pose of the points, in their standard deviations
+    found: compiled.EdgeFit
     by_points_alone: bool = False
 
     @cached_property
     def support(self) -> float:
-        return float(self._totals[1] / max(self._totals[0], 1.0))
+        return self._totals[1] / max(self._totals[0], 1.0)
 
     @cached_property
     def chance(self) -> float:
-        return float(self._totals[2] / max(self._totals[0], 1.0))
+        return self._totals[2] / max(self._totals[0], 1.0)
 
     @cached_property
     def excess(self) -> float:
@@ -112,7 +99,7 @@ class _Fit:
     @cached_property
     def covered(self) -> float:
         """Share that is not explained, and where the object's faces look otherwise than they did."""
-        return float(self._totals[3] / max(self._totals[0], 1.0))
+        return self._totals[3] / max(self._totals[0], 1.0)
 
     @cached_property
     def clear_excess(self) -> float:
@@ -122,16 +109,21 @@ class _Fit:
 
     @cached_property
     def freedom(self) -> float:
-        """Degrees of freedom of the residuals: what lines decide of the pose they cannot contradict."""
-        decided = 6.0
-        if self.prior is not _NOTHING:
-            decided -= float(np.trace(np.linalg.solve(self.information, self.prior)))
-        return max(2.0 * float(self.weights.sum()) - decided, 0.0)
+        """Degrees of freedom of the residuals."""
+        return self.found.freedom(self.prior)
 
     @cached_property
-    def _totals(self) -> Array:
-        totals: Array = self.counts.sum(axis=0)
-        return totals
+    def scale(self) -> float:
+        return self.found.scale
+
+    @cached_property
+    def edges(self) -> npt.NDArray[np.int32]:
+        """Rows of the model's edges that have a line."""
+        return self.found.edges
+
+    @cached_property
+    def _totals(self) -> tuple[float, float, float, float]:
+        return self.found.totals
 
 
 class LineTracker:
@@ -162,16 +154,23 @@ class LineTracker:
     ) -> None:
         self._readout_time = _checked_readout_time(readout_time)
         self._edge_std = None if edge_std is None else _checked_edge_std(edge_std, len(model))
-        self._per_row = 0.0  # of the time since the last image, in which a unit of the normalised image is read
+        self._readout: compiled.Readout | None = None  # of this image; None for all rows at once, or if not known
         self._time: float | None = None  # of this image, and of the last one with a pose [s]
         self._last_time: float | None = None
         self.model = model
         self.camera = camera
-        self._core = compiled.EdgeModel(model.vertices, model.edges, model.triangles, model.edge_triangles)
+        self._core = compiled.EdgeTracker(
+            model.vertices,
+            model.edges,
+            model.triangles,
+            model.edge_triangles,
+            camera.numbers,
+            camera.width,
+            camera.height,
+            gamma,
+        )
         cv = _opencv() if use_points else None
         self._points = None if cv is None else FacePoints(model, camera, cv)
-        self._contrast = np.zeros(len(model))
-        self._memory = compiled.EdgeMemory(len(model))
         self._last: Pose | None = None  # T_camera_model
         self._trusted: Pose | None = None  # the last one of TRACKING
         self._losses = 0  # images since the last good one
@@ -188,7 +187,6 @@ class LineTracker:
         self._doubt = _MIN_DOUBT  # how far the object may have turned unseen [rad]
         self._usual: float | None = None  # excess of the images until now
         self._noise = 0.0  # of the image [grey levels]
-        self._gamma = gamma
 
     def start(self, pose: Pose) -> None:
         """Begin anew at a pose that is known from elsewhere; the next image is searched widely round it.
@@ -201,9 +199,8 @@ class LineTracker:
         self._doubt = _MIN_DOUBT
         self._losses = 1
         self._usual = None
-        self._contrast[:] = 0.0
         self._residuals[:], self._lasting = 0.0, 0.0
-        self._memory.forget()
+        self._core.forget(True)
         if self._points is not None:
             self._points.forget()
 
@@ -231,9 +228,11 @@ class LineTracker:
             # The loss may have begun unseen.
             predicted = self._trusted
         self._noise = compiled.image_noise(grey)
-        self._time, self._per_row = time, 0.0
-        if time is not None and self._last_time is not None and time > self._last_time and self._losses == 0:
-            self._per_row = self._readout_time / (time - self._last_time) * self.camera.fy / self.camera.height
+        self._time, self._readout = time, None
+        last, since = self._last, 0.0 if time is None or self._last_time is None else time - self._last_time
+        if self._readout_time > 0.0 and since > 0.0 and last is not None and self._losses == 0:
+            share = self._readout_time / since * self.camera.fy / self.camera.height
+            self._readout = compiled.Readout(last, share, self.model.center)
         by_points = self._points.follow(grey, predicted, self._reading) if self._points is not None else None
         ranges = _RANGES if self._losses == 0 else _SEARCH_RANGES
         fit = None
@@ -273,21 +272,13 @@ class LineTracker:
 
     def _fit(self, image: Image, pose: Pose, ranges: tuple[int, ...], points: PointPose | None) -> _Fit | None:
         """Return the edges fitted with smaller and smaller ranges; None where there are none."""
-        information = _NOTHING if points is None else self._information(points)
-        prior = pose
-        fit = None
-        for search_range in ranges:
-            fit = self._pass(image, pose, search_range, prior, information) or fit
-            if fit is None:
-                return None
-            pose = fit.T_camera_model
-        return fit
+        return self._fitted(image, pose, ranges, _NOTHING if points is None else self._information(points))
 
     def _at(self, image: Image, points: PointPose) -> _Fit | None:
         """Return what the edges say at the pose of the points, without moving it."""
         certain = 1e12 * np.eye(6)
         pose = points.T_camera_model
-        fit = self._pass(image, pose, _RANGES_WITH_POINTS[-1], pose, certain)
+        fit = self._fitted(image, pose, _RANGES_WITH_POINTS[-1:], certain)
         if fit is None:
             return None
         return dataclasses.replace(
@@ -298,48 +289,20 @@ class LineTracker:
         """Return the information of points, in the measure of lines: what they claim is too little or too much."""
         return self._measure * _inverse(points.covariance)
 
-    def _pass(self, image: Image, pose: Pose, search_range: int, prior: Pose, information: Array) -> _Fit | None:
-        camera = self.camera
-        visible = self._core.visible_edges(
-            pose.rotation, pose.translation, camera.numbers, camera.width, camera.height, _STEP, _MARGIN
-        )
-        if not len(visible):
+    def _fitted(self, image: Image, start: Pose, ranges: tuple[int, ...], information: Array) -> _Fit | None:
+        found = self._core.fit(image, self._noise, start, information, ranges, self._readout)
+        if found is None:
             return None
-        compiled.search_edges(
-            visible, image, camera.numbers, search_range, self._noise, self._gamma, self._contrast, self._memory
-        )
-        reading = self._reading(pose)
-        if reading is not None:
-            self._core.correct_rows(visible, pose.rotation, pose.translation, reading.motion, reading.row, camera.focal)
-        lines = compiled.fit_edge_lines(visible, camera.focal, search_range)
-        rotation, translation, found, scale, chosen, weights, squares, residuals = self._core.fit_pose(
-            lines, pose.rotation, pose.translation, prior.rotation, prior.translation, information
-        )
-        off = compiled.motion_between(rotation, translation, prior.rotation, prior.translation)
-        distance = float(off @ information @ off) / self._measure
-        counts = self._core.support(visible, rotation, translation, camera.focal, search_range, _TOLERANCE)
-        return _Fit(
-            Pose(rotation, translation),
-            found,
-            distance,
-            scale,
-            squares,
-            residuals,
-            information,
-            np.array(lines.edges, dtype=int),
-            lines.chosen(chosen),
-            np.array(weights),
-            np.array(visible.edges, dtype=int),
-            counts,
-            visible,
-            lines,
-        )
+        pose = Pose(*found.pose)
+        distance = 0.0
+        if information is not _NOTHING:
+            off = compiled.motion_between(pose, start)
+            distance = float(off @ information @ off) / self._measure
+        return _Fit(pose, found.information, information, distance, found)
 
     def _reading(self, pose: Pose) -> RowReading | None:
         """Return how the rows are read if the object is at a pose; None for all at once, or if it is not known."""
-        if self._per_row == 0.0 or self._last is None:
-            return None
-        return RowReading.between(self._last, pose, self._per_row, self.model.center)
+        return None if self._readout is None else RowReading(*self._readout.of(pose))
 
     def _concluded(self, image: Image, predicted: Pose, fit: _Fit | None, points: PointPose | None) -> Tracking:
         needed, found = self._needed(predicted, fit, points)
@@ -351,30 +314,17 @@ class LineTracker:
         if points is None and fit.scale > _MAX_SCALE and fit.excess < least:
             return self._lost(f"{contradicted}, and the image explains fewer than until now: {fit.support:.0%}")
         share = self._share(fit)
-        # What nothing is known about is very uncertain, and not infinitely.
-        little = 1e-12 * float(np.trace(fit.information)) + 1e-9
-        covariance = share * _inverse(fit.information + little * np.eye(6))
         pose = fit.T_camera_model
-        deviation = math.sqrt(float(np.linalg.eigvalsh(self._at_object(covariance, pose))[-1]))
+        covariance, deviation, turn = compiled.uncertainty(fit.information, pose, self.model.center, share)
         if not deviation < self.model.radius:
             return self._lost(f"the edges leave the position uncertain by {deviation:.2g} m")
         self._losses = 0
-        turn = math.sqrt(float(np.trace(covariance[3:, 3:])))
         state, reason = self._verdict(fit, deviation, turn, _FOUND_EXCESS if found else _GOOD_EXCESS, contradicted)
         reading = self._reading(pose)
         self._last, self._last_time = pose, self._time
         if state is TrackingState.TRACKING:
             self._trusted = pose
-        good = fit.weights > 0.5
-        if fit.excess >= _GOOD_EXCESS:
-            rows, contrast = fit.edges[good], fit.lines[good, 6]
-            before = self._contrast[rows]
-            self._contrast[rows] = np.where(before == 0.0, contrast, 0.7 * before + 0.3 * contrast)
-        agree = np.zeros(len(self.model), dtype=bool)
-        agree[fit.edges[good]] = True
-        self._memory.learn(
-            self._core, fit.samples, pose.rotation, pose.translation, self.camera.focal, agree[fit.visible]
-        )
+        self._core.learn(fit.found, pose, fit.excess >= _GOOD_EXCESS)
         if self._points is not None:
             growth = 1.0 if fit.by_points_alone else _FORGETTING
             self._points.anchor(
@@ -390,7 +340,7 @@ class LineTracker:
             reason,
             T_world_camera,
             turned_covariance(covariance, T_world_camera.rotation),
-            self._observation(fit, good, contradiction**2 * share),
+            self._observation(fit, contradiction**2 * share),
             fit.support,
             fit.chance,
             0 if points is None else len(points.points),
@@ -402,9 +352,9 @@ class LineTracker:
             return _NOTHING
         vertices = self.model.vertices @ fit.T_camera_model.rotation.T + fit.T_camera_model.translation
         ends = vertices[self.model.edges[fit.edges]]
-        weights = fit.weights / max(fit.scale, 1.0) ** 2
+        weights = fit.found.weights / max(fit.scale, 1.0) ** 2
         std = self._edge_std[fit.edges]
-        return model_covariance(ends, fit.lines[:, :5], weights, fit.information, fit.prior, std)
+        return model_covariance(ends, fit.found.lines, weights, fit.information, fit.prior, std)
 
     def _needed(self, predicted: Pose, fit: _Fit | None, points: PointPose | None) -> tuple[float, bool]:
         """Return the least excess that makes a pose one, and whether it was found by a search."""
@@ -440,15 +390,16 @@ class LineTracker:
         Source: the variance of M-estimates (Huber 1981) over recent images, or of this one where it is larger.
         """
         if not fit.by_points_alone and fit.scale < _MAX_SCALE:
-            self._squares = _REMEMBERED * self._squares + fit.squares
+            residuals = fit.found.residuals
+            self._squares = _REMEMBERED * self._squares + fit.found.squares
             self._freedom = _REMEMBERED * self._freedom + fit.freedom
             before = self._residuals[fit.edges]
-            self._lasting = _REMEMBERED * self._lasting + float(fit.weights @ (fit.residuals * before).sum(axis=1))
-            self._residuals[fit.edges] = before + _FOLLOWED * (fit.residuals - before)
+            self._lasting = _REMEMBERED * self._lasting + float(fit.found.weights @ (residuals * before).sum(axis=1))
+            self._residuals[fit.edges] = before + _FOLLOWED * (residuals - before)
         variance = self._squares / self._freedom
         # Residuals at the pose of points are those of that pose as well.
         if fit.freedom > 1.0 and not fit.by_points_alone:
-            variance = max(variance, fit.squares / fit.freedom)
+            variance = max(variance, fit.found.squares / fit.freedom)
         variance += _LASTING * max(self._lasting, 0.0) / self._freedom
         # A fit counts a scale above 1 itself.
         scale = 1.0 if fit.by_points_alone else max(fit.scale, 1.0)
@@ -481,57 +432,31 @@ class LineTracker:
             return TrackingState.WEAK, f"the edges leave the rotation uncertain by {math.degrees(turn):.1f} degrees"
         return TrackingState.TRACKING, ""
 
-    def _at_object(self, covariance: Array, T_camera_model: Pose) -> Array:
-        """Return the covariance of the position of the model's middle in the camera frame, shape (3, 3) [m^2]."""
-        x, y, z = T_camera_model.rotation @ self.model.center + T_camera_model.translation
-        lever = np.array([[1.0, 0.0, 0.0, 0.0, z, -y], [0.0, 1.0, 0.0, -z, 0.0, x], [0.0, 0.0, 1.0, y, -x, 0.0]])
-        at_object: Array = lever @ covariance @ lever.T
-        return at_object
-
     def _alternative(self, fit: _Fit) -> Pose | None:
         """Return another pose that explains the edges and may have been reached since the last certain one."""
         pose = fit.T_camera_model
         if self._symmetry is not None and self.min_symmetry < self._doubt:
             return pose @ self._symmetry
-        key = fit.visible.tobytes()
+        visible = fit.found.visible
+        key = visible.tobytes()
         if key not in self._flat:
-            self._flat[key] = is_flat(self.model, fit.visible)
-        start = flipped(self.model, fit.visible, pose) if self._flat[key] else None
+            self._flat[key] = is_flat(self.model, visible)
+        start = flipped(self.model, visible, pose) if self._flat[key] else None
         if start is None or angle_between(start, pose) > self._doubt:
             return None
-        rotation, translation, *_ = self._core.fit_pose(
-            fit.measured, start.rotation, start.translation, start.rotation, start.translation, _NOTHING
-        )
-        other = Pose(rotation, translation)
-        counts = self._core.support(fit.samples, rotation, translation, self.camera.focal, _RANGES[-1], _TOLERANCE)
-        explains = counts[:, 1].sum() >= (1.0 - _MIN_GAIN) * fit.counts[:, 1].sum()
+        other_pose, explained = self._core.other(fit.found, start)
+        other = Pose(*other_pose)
+        explains = explained >= (1.0 - _MIN_GAIN) * fit.found.totals[1]
         return other if explains and angle_between(other, pose) > 0.5 * angle_between(start, pose) else None
 
-    def _observation(self, fit: _Fit, good: npt.NDArray[np.bool_], share: float) -> LineObservation:
-        n = len(self.model)
-        image_lines = np.zeros((n, 3))
-        usable = np.zeros(n, dtype=bool)
-        covariances = np.zeros((n, 3))
-        rows, lines = fit.edges[good], fit.lines[good]
-        image_lines[rows] = np.column_stack([np.cos(lines[:, 0]), np.sin(lines[:, 0]), lines[:, 1]])
-        covariances[rows] = share * lines[:, 2:5]
-        usable[rows] = True
-        ends = self._ends(fit.T_camera_model, usable)
-        return LineObservation(self.model.ids, image_lines, usable, covariances=covariances, ends=ends)
-
-    def _ends(self, T_camera_model: Pose, usable: npt.NDArray[np.bool_]) -> Array:
-        """Return where usable edges end on z = 1, shape (n, 4); zeros where one is not before the camera."""
-        corners = self.model.vertices @ T_camera_model.rotation.T + T_camera_model.translation
-        before = corners[:, 2] > 0.0
-        image = corners[:, :2] / np.where(before, corners[:, 2], 1.0)[:, np.newaxis]
-        known = usable & before[self.model.edges].all(axis=1)
-        ends: Array = image[self.model.edges].reshape(-1, 4) * known[:, np.newaxis]
-        return ends
+    def _observation(self, fit: _Fit, share: float) -> LineObservation:
+        lines, usable, covariances, ends = self._core.seen_lines(fit.found, fit.T_camera_model, share)
+        return LineObservation(self.model.ids, lines, usable, covariances=covariances, ends=ends)
 
     def _lost(self, reason: str) -> Tracking:
         self._losses += 1
         if self._losses > _REMEMBERED_LOSSES:
-            self._memory.forget()
+            self._core.forget(False)
         self._doubt = min(self._doubt + _DOUBT_PER_LOSS, math.pi + 0.1)
         n = len(self.model)
         nothing = LineObservation(self.model.ids, np.zeros((n, 3)), np.zeros(n, dtype=bool))

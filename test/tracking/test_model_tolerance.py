@@ -79,7 +79,7 @@ def test_it_is_the_scatter_of_poses_of_objects_that_are_drawn(x, y, z, position_
         m = np.cross(in_camera_made[:, 0], in_camera_made[:, 1])
         lines_made = np.column_stack([np.arctan2(m[:, 1], m[:, 0]), m[:, 2] / np.hypot(m[:, 0], m[:, 1])])
         rotation, translation, _ = fit_of(ends, lines_made, covariances, start)
-        motions.append(compiled.motion_between(start[0], start[1], rotation, translation))
+        motions.append(compiled.motion_between(Pose(*start), Pose(rotation, translation)))
     squares = [each @ np.linalg.solve(claimed, each) for each in np.array(motions)]
     # The mean of 60 draws of six degrees of freedom scatters by 0.45.
     assert 4.0 < np.mean(squares) < 8.0

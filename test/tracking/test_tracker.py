@@ -136,14 +136,12 @@ def test_hidden_edges_are_those_that_a_ray_does_not_reach():
         np.vstack([corners.edges, corners.edges + 8]),
         corners.faces + tuple(tuple(i + 8 for i in face) for face in corners.faces),
     )
-    core = compiled.EdgeModel(model.vertices, model.edges, model.triangles, model.edge_triangles)
+    camera = CAMERA.numbers, CAMERA.width, CAMERA.height, 2.2
+    core = compiled.EdgeTracker(model.vertices, model.edges, model.triangles, model.edge_triangles, *camera)
     counts = [0, 0]
     for k in range(0, 200, 20):
         T_camera_world = orbit(k).inverse()
-        visible = core.visible_edges(
-            T_camera_world.rotation, T_camera_world.translation, CAMERA.numbers, CAMERA.width, CAMERA.height, 4.0, 6.0
-        )
-        seen = {row: visible.points(i) for i, row in enumerate(visible.edges)}
+        seen = dict(core.samples(T_camera_world))
         corners_camera = model.vertices @ T_camera_world.rotation.T + T_camera_world.translation
         for row, (a, b) in enumerate(corners_camera[model.edges]):
             for share in np.linspace(0.2, 0.8, 4):
