@@ -24,6 +24,7 @@ from plsing_ros.features.target import MINIMUM_LINES, Target
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.levels import Level
 from plsing_ros.parameters import ControllerParameters
+from plsing_ros.parameters.law import POSE_LAWS
 from plsing_ros.parameters.options import parameters_from_options, pose_options
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_tracker import detour_options
@@ -38,8 +39,6 @@ __all__ = ["MINIMUM_LINES", "Command", "Mode", "ServoController"]
 
 # A variance that is not known any more: beyond every speed, and finite.
 _ANY = 1e100
-# Laws that ask how far the pose may be off.
-_BY_POSE = ("detour", "position", "fused")
 _DISABLED = "switched off: by ~/enable, or by the parameter enabled at the start"
 
 
@@ -267,12 +266,14 @@ class ServoController:
         lines, image = common_lines(observation, cycle.target)
         self._seen = lines
         trust = parameters.slow_scale if reaction == "slow" else 1.0
-        scene = self._loci.lines if self._loci is not None and parameters.law in _BY_POSE else None
+        scene = self._loci.lines if self._loci is not None and parameters.law in POSE_LAWS else None
         self._errors = pose_errors(observation, lines, scene, told, self._poses.latest)
         command = cycle.command(lines, image, trust, stamp, usable_covariances(observation, lines.ids), self._errors)
         if closed is not None:
             self._pause()
             command = leave(command, lines, closed)
+        if cycle.note:
+            command = _with_note(command, cycle.note)
         unknown = self._check.unknown_ids(observation)
         if unknown:
             command = _with_note(command, left_out_text(unknown))

@@ -30,9 +30,11 @@ from plsing_ros.features import (
     project_lines,
     smallest_over_largest,
 )
+from plsing_ros.features.certain_lines import CertainLines
 from plsing_ros.features.target import MINIMUM_LINES, Target, TargetView
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import ControllerParameters
+from plsing_ros.parameters.law import POSE_LAWS, STRAIGHT_LAWS
 from plsing_ros.planning.detour import Plan
 from plsing_ros.planning.path_follower import Reference
 from plsing_ros.planning.path_tracker import PathTracker
@@ -49,7 +51,11 @@ _LEAST_AVERAGED = 1e-4
 
 
 class ServoCycle:
-    """The law in force, with what it remembers from cycle to cycle."""
+    """The law in force, with what it remembers from cycle to cycle.
+
+    Attributes:
+        note: What is to be said about the lines of the latest cycle, or "".
+    """
 
     def __init__(
         self,
@@ -74,6 +80,8 @@ class ServoCycle:
         self._integral = ErrorIntegral()
         self._stall = StallWatch()
         self._look_ahead = LookAhead()
+        self._certain = CertainLines()
+        self.note = ""
         self._path: PathTracker | None = None
         self.retarget(target, T_world_target)
         # Of the latest cycle: what was left of the law's speed, and its stamp [ns].
@@ -140,9 +148,11 @@ class ServoCycle:
             ObservationError: If the law needs something that the observation or the target lacks.
         """
         parameters = self.parameters
-        self._errors = covariances, pose
+        self._errors, self.note = (covariances, pose), ""
         if parameters.latency > 0.0:
             lines, image = self._look_ahead.ahead(lines, image, stamp, parameters.latency)
+        if parameters.law not in POSE_LAWS:
+            lines, image = self._without_uncertain(lines, image)
         if parameters.is_plain:
             view = self.target.view(lines.ids, parameters.columns)
             plain = compute_plain_twist(parameters, lines, image, view.image)
@@ -152,7 +162,7 @@ class ServoCycle:
         with _may_overflow():
             if parameters.law == "detour":
                 return self._along_the_path(lines, image, covariances, pose, trust, stamp)
-            if parameters.law in ("position", "fused"):
+            if parameters.law in STRAIGHT_LAWS:
                 return self._by_pose(lines, image, covariances, pose, trust, stamp)
             return self._servo(lines, image, None, None, trust, stamp)
 
@@ -182,7 +192,8 @@ class ServoCycle:
             raise ObservationError(f"only {len(rows)} line(s) have an image both here and on the path")
         there = image.reshape(-1, 3)[rows].ravel()
         self._errors = (None if covariances is None else covariances[rows]), pose
-        return self._servo(lines.select(rows), there, reference, reference.displacement(here), trust, stamp)
+        lines, image = self._without_uncertain(lines.select(rows), there)
+        return self._servo(lines, image, reference, reference.displacement(here), trust, stamp)
 
     def _by_pose(
         self,
@@ -217,6 +228,15 @@ class ServoCycle:
         values = interaction_conditioning(lines).singular_values
         asked = LawTwist(twist, gain, values, 0.0, 1.0, math.hypot(*twist.tolist()))
         return self._within_limits(lines, asked, error_norm, None, trust, stamp)
+
+    def _without_uncertain(self, lines: LineSet, image: Array) -> tuple[LineSet, Array]:
+        """Return the lines that a law goes by which does not weigh them, and their image lines."""
+        covariances, pose = self._errors
+        rows = self._certain.rows(lines, covariances, self.parameters.columns)
+        if rows is None or covariances is None:
+            return lines, image
+        self._errors, self.note = (covariances[rows], pose), self._certain.text
+        return lines.select(rows), image.reshape(-1, 3)[rows].ravel()
 
     def _averaged(self, gain: float, stamp: int) -> float:
         """Return what a loop of this gain leaves of the variance of independent errors of its frames, in (0, 1]."""

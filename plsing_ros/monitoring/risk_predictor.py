@@ -12,6 +12,7 @@ import numpy as np
 
 from plsing_ros.arrays import Array
 from plsing_ros.features import LineObservation, LinesVerdict
+from plsing_ros.features.certain_lines import CertainLines
 from plsing_ros.geometry import Pose
 from plsing_ros.monitoring.evidence import Evidence, Sizes
 from plsing_ros.monitoring.law_check import LawCheck
@@ -22,6 +23,7 @@ from plsing_ros.monitoring.rollout_question import RolloutAnswer, RolloutQuestio
 from plsing_ros.monitoring.run_clock import RunClock
 from plsing_ros.monitoring.segment_ends import SegmentEnds
 from plsing_ros.parameters import MonitorParameters
+from plsing_ros.parameters.law import STRAIGHT_LAWS
 from plsing_ros.planning.rollout import DEMAND_SHARE, RolloutLaw, RunState
 from plsing_ros.singularities import SingularSet
 
@@ -58,7 +60,7 @@ class RiskPredictor:
         self._run, self._deviation = 0, 0.0
         self._stamps: list[int] = []
         self._evidence, self._speeds = Evidence(), Sizes()
-        self._law_check = LawCheck()
+        self._law_check, self._certain = LawCheck(), CertainLines()
         self._residuals: MapResiduals | None = None
         self._segments: SegmentEnds | None = None
         self._shaking: tuple[object, float] | None = None
@@ -133,7 +135,10 @@ class RiskPredictor:
             return None
         self._stamps = [*self._stamps[-9:], stamp]
         self._collect()
-        self._law_check.receive_frame(stamp, pose, observation)
+        used = observation
+        if (self._stated or (parameters.law,))[0] not in STRAIGHT_LAWS:
+            used = self._certain.of_observation(observation, parameters.columns)
+        self._law_check.receive_frame(stamp, pose, used)
         if parameters.map_noise > 0.0 or parameters.focal_error > 0.0:
             if self._residuals is None:
                 self._residuals = MapResiduals(singular.lines)
@@ -150,7 +155,9 @@ class RiskPredictor:
             if observation.ends is not None:
                 self._segments = self._segments or SegmentEnds(singular.lines)
             self._submit(
-                self._question(stamp, pose, covariance, observation, singular, T_world_target, elapsed, parameters)
+                self._question(
+                    stamp, pose, covariance, observation, used, singular, T_world_target, elapsed, parameters
+                )
             )
             self._collect()
         latest = self._latest
@@ -164,6 +171,7 @@ class RiskPredictor:
         pose: Pose,
         covariance: Array | None,
         observation: LineObservation,
+        used: LineObservation,
         singular: SingularSet,
         target: Pose,
         elapsed: float,
@@ -180,6 +188,7 @@ class RiskPredictor:
             pose,
             covariance,
             observation,
+            used,
             singular,
             target,
             clock.run,

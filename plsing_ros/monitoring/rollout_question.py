@@ -61,6 +61,7 @@ class RolloutQuestion:
         pose: T_world_camera.
         covariance: Of that pose in the world's axes, (position, rotation), shape (6, 6), or None.
         observation: The features.
+        used: Those of them that the law goes by.
         singular: The scene.
         target: T_world_camera where the camera is to go.
         run: Number of the run.
@@ -81,6 +82,7 @@ class RolloutQuestion:
     pose: Pose
     covariance: Array | None
     observation: LineObservation
+    used: LineObservation
     singular: SingularSet
     target: Pose
     run: int
@@ -112,7 +114,7 @@ class RolloutQuestion:
         steps = FIRST_STEPS if self.is_first else MAX_STEPS
         ends = None if self.segments is None else self.segments.ends()
         period = _frame_period(self.stamps)
-        task = rollout_task(self.singular, target, law, parameters, period, observation, steps, ends)
+        task = rollout_task(self.singular, target, law, parameters, period, self.used, steps, ends)
         # A path that leads elsewhere is that of another target.
         leads_there = bool(self.path) and self.path[-1].is_close(target, _SAME_TARGET)
         path = self.path if leads_there and law.law == "detour" else ()
@@ -125,7 +127,7 @@ class RolloutQuestion:
         residuals = None if self.residuals is None else self.residuals.rows()
         seen_task = dataclasses.replace(task, residuals=residuals, T_world_camera=pose, path=path)
         # The first command is what demand is measured by: it is known as soon as its features are.
-        first = compute_law_twist(task, pose, observation) if begins else None
+        first = compute_law_twist(task, pose, self.used) if begins else None
         if first is not None and observation.verdict is LinesVerdict.POOR:
             first = ControllerParameters.slow_scale * first
         state = dataclasses.replace(state, answer=first)

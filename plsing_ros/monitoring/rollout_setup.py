@@ -11,6 +11,7 @@ from plsing_ros.arrays import Array
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import LineSet, Pose
 from plsing_ros.parameters import MonitorParameters
+from plsing_ros.parameters.law import POSE_LAWS
 from plsing_ros.planning.rollout import (
     Harm,
     LoopModel,
@@ -29,7 +30,6 @@ MAX_STEPS = 30_000
 FIRST_STEPS = 8_000
 # Between two frames as long as it is not known [s].
 FRAME_PERIOD = 1.0 / 30.0
-_BY_POSE = ("position", "fused", "detour")
 # Samples that see too few lines are drawn nearer at most so often.
 _HALVINGS = 8
 
@@ -90,7 +90,7 @@ def _error_lasts(law: RolloutLaw, seen: LineObservation) -> bool:
     What an estimator cannot tell near a singularity it learns as soon as the camera leaves, and the laws that follow
     the pose lead it straight away.
     """
-    leaves = seen.verdict is LinesVerdict.POOR and law.law in _BY_POSE
+    leaves = seen.verdict is LinesVerdict.POOR and law.law in POSE_LAWS
     return bool(seen.lines_source) and not leaves
 
 

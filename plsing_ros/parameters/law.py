@@ -14,6 +14,10 @@ from plsing_ros.parameters.parameter_set import parameter
 from plsing_ros.parameters.task import TaskParameters
 
 LAWS = ("pinv", "dls", "adaptive_dls", "guarded", "detour", "position", "fused")
+# Laws that go straight by the pose: image lines are weighed by their covariances, or do not count.
+STRAIGHT_LAWS = ("position", "fused")
+# Laws that may go by the pose.
+POSE_LAWS = (*STRAIGHT_LAWS, "detour")
 _RELATIVE = "in units of the target's smallest singular value with the same lines"
 # The default limits [m/s, rad/s], and the laws that know none.
 _SPEEDS = (0.25, 1.0)
