@@ -14,17 +14,17 @@ from plsing_ros.arrays import Array
 from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.features.certain_lines import CertainLines
 from plsing_ros.geometry import Pose
-from plsing_ros.monitoring.evidence import Evidence, Sizes
 from plsing_ros.monitoring.law_check import LawCheck
 from plsing_ros.monitoring.map_residuals import MapResiduals
 from plsing_ros.monitoring.pose_drift import may_stray
 from plsing_ros.monitoring.risk import Risk
 from plsing_ros.monitoring.rollout_question import RolloutAnswer, RolloutQuestion, law_in_force
 from plsing_ros.monitoring.run_clock import RunClock
+from plsing_ros.monitoring.run_memory import RunMemory
 from plsing_ros.monitoring.segment_ends import SegmentEnds
 from plsing_ros.parameters import MonitorParameters
 from plsing_ros.parameters.law import STRAIGHT_LAWS
-from plsing_ros.planning.rollout import DEMAND_SHARE, RolloutLaw, RunState
+from plsing_ros.planning.rollout import RolloutLaw, RunState
 from plsing_ros.singularities import SingularSet
 
 _SECOND = 1_000_000_000
@@ -32,8 +32,6 @@ _SECOND = 1_000_000_000
 _REST = _SECOND
 # An answer counts until the next ones are overdue by this factor of their period.
 _OVERDUE = 10.0
-# Answers of about this time count together [s].
-_MEMORY = 1.0
 
 
 class RiskPredictor:
@@ -57,9 +55,8 @@ class RiskPredictor:
         self._due: RolloutQuestion | None = None
         self._pending: Future[RolloutAnswer | None] | None = None
         self._asked: int | None = None
-        self._run, self._deviation = 0, 0.0
+        self._run, self._memory, self._deviation = 0, RunMemory(), 0.0
         self._stamps: list[int] = []
-        self._evidence, self._speeds = Evidence(), Sizes()
         self._law_check, self._certain = LawCheck(), CertainLines()
         self._residuals: MapResiduals | None = None
         self._segments: SegmentEnds | None = None
@@ -150,7 +147,7 @@ class RiskPredictor:
         self._deviation = deviation
         if due and not self.is_awaited:
             if self._run != self._clock.run:
-                self._run, self._evidence, self._speeds = self._clock.run, Evidence(), Sizes()
+                self._run, self._memory = self._clock.run, RunMemory()
             self._asked = stamp
             if observation.ends is not None:
                 self._segments = self._segments or SegmentEnds(singular.lines)
@@ -203,6 +200,7 @@ class RiskPredictor:
             self._law_check,
             parameters,
             self._seed,
+            self._memory,
         )
 
     def law(self, parameters: MonitorParameters) -> RolloutLaw:
@@ -229,27 +227,14 @@ class RiskPredictor:
             self._pending = None
 
     def _take(self, answer: RolloutAnswer | None) -> None:
-        """Count an answer together with those of about the last second."""
-        clock, before = self._clock, self._answer
+        clock = self._clock
         if answer is None or answer.run != clock.run:
             # Of a run that is over.
             return
-        since = _MEMORY if before is None else (answer.stamp - before.stamp) / _SECOND
-        kept = math.exp(-max(since, 0.0) / _MEMORY)
-        if before is not None and before.lacks_path and not answer.lacks_path:
-            self._evidence, self._speeds = Evidence(), Sizes()
-        if answer.shaking is not None:
-            self._shaking = answer.loop, answer.shaking
-        outcomes = answer.outcomes
+        risk = answer.risk
+        if risk.shaking is not None:
+            self._shaking = answer.loop, risk.shaking
         if clock.first_speeds[0] < 0.0:
-            first = outcomes.first_linear_speed, outcomes.first_angular_speed
+            first = risk.outcomes.first_linear_speed, risk.outcomes.first_angular_speed
             clock.first_speeds = (float(np.median(first[0])), float(np.median(first[1])))
-        self._answer = answer
-        self._latest = Risk(
-            answer.stamp,
-            outcomes,
-            self._evidence.add(np.count_nonzero(outcomes.kind), len(outcomes.kind), kept),
-            self._speeds.add(outcomes.demand, kept, DEMAND_SHARE),
-            answer.shaking,
-            answer.lacks_path,
-        )
+        self._answer, self._latest = answer, risk

@@ -15,11 +15,13 @@ from plsing_ros.features import LineObservation, LinesVerdict
 from plsing_ros.geometry import Pose
 from plsing_ros.monitoring.law_check import LawCheck, compute_law_twist
 from plsing_ros.monitoring.map_residuals import MapResiduals
+from plsing_ros.monitoring.risk import Risk
 from plsing_ros.monitoring.rollout_setup import FIRST_STEPS, FRAME_PERIOD, MAX_STEPS, roll_out_around, rollout_task
+from plsing_ros.monitoring.run_memory import RunMemory
 from plsing_ros.monitoring.segment_ends import SegmentEnds
 from plsing_ros.monitoring.shaking import expected_shaking
 from plsing_ros.parameters import ControllerParameters, MonitorParameters
-from plsing_ros.planning.rollout import Outcomes, RolloutLaw, RunState
+from plsing_ros.planning.rollout import RolloutLaw, RunState
 from plsing_ros.singularities import SingularSet
 
 _SECOND = 1_000_000_000
@@ -32,24 +34,18 @@ class RolloutAnswer:
     """What roll-outs found.
 
     Attributes:
-        stamp: Of the features they start from [ns].
         run: Number of the run that they were asked for.
         loop: That was rolled out, to be compared.
         law: Which was.
-        outcomes: Of all samples.
-        shaking: As Risk has it.
+        risk: What they say, together with those before.
         is_other: Whether the commanded twists are not those of the law.
-        lacks_path: As Risk has it.
     """
 
-    stamp: int
     run: int
     loop: object
     law: RolloutLaw
-    outcomes: Outcomes
-    shaking: float | None
+    risk: Risk
     is_other: bool
-    lacks_path: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +72,7 @@ class RolloutQuestion:
         check: Compares the commanded twists with the law's.
         parameters: In force.
         seed: Of all noise.
+        memory: Of the run's answers, to which this one is added.
     """
 
     stamp: int
@@ -97,6 +94,7 @@ class RolloutQuestion:
     check: LawCheck
     parameters: MonitorParameters
     seed: int
+    memory: RunMemory
 
     def answer(self) -> RolloutAnswer | None:
         """Roll out the loop; None where the numbers do not make a task."""
@@ -132,12 +130,12 @@ class RolloutQuestion:
             first = ControllerParameters.slow_scale * first
         state = dataclasses.replace(state, answer=first)
         outcomes = roll_out_around(seen_task, pose, self.covariance, parameters.samples, state, self.seed)
-        # Computed here, in the thread of the roll-outs, and not in a cycle.
-        _ = outcomes.time_to_harm, outcomes.harm
         if shaking is None and not self.is_first:
             shaking = expected_shaking(task, parameters.samples, self.seed, MAX_STEPS)
         is_other = is_known and self.check.is_other(task)
-        return RolloutAnswer(self.stamp, self.run, loop, law, outcomes, shaking, is_other, lacks_path)
+        # Counted here, in the thread of the roll-outs, and not in a cycle.
+        risk = self.memory.risk(self.stamp, outcomes, shaking, lacks_path)
+        return RolloutAnswer(self.run, loop, law, risk, is_other)
 
 
 def law_in_force(parameters: MonitorParameters, stated: tuple[str, float] | None) -> RolloutLaw:
