@@ -93,9 +93,9 @@ class TimedMonitor(SingularityMonitorNode):
         self._times = times
         super().__init__(**options)
 
-    def create_subscription(self, message_type: Any, topic: str, callback: Any, *rest: Any, **options: Any) -> Any:
+    def subscribe(self, message_type: type, topic: str, callback: Callable[[Any], None], profile: Any) -> None:
         """Subscribe with a callback that is timed."""
-        return super().create_subscription(message_type, topic, self._times.timed(topic, callback), *rest, **options)
+        super().subscribe(message_type, topic, self._times.timed(topic, callback), profile)
 
 
 class FixedStatusMonitor(BareNode):

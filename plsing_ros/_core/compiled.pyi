@@ -40,44 +40,6 @@ def have_images(moment: Array, min_depth: float) -> bool:
 def is_rotation(rotation: Array, tolerance: float) -> bool:
     """Return whether a matrix (3, 3) is a rotation, its product with its transpose being off by up to the tolerance."""
 
-def checked_features(
-    visible: bytes,
-    image_lines: Array,
-    direction: Array,
-    moment: Array,
-    covariances: Array,
-    ends: Array,
-    norm_tolerance: float,
-    line_tolerance: float,
-    min_depth: float,
-) -> tuple[Array, Array, Array, Array, Array | None, Array | None, Array | None] | None:
-    """Return rows of lines as arrays that nobody can write to; None if none is visible, or anything is wrong.
-
-    Args:
-        visible: Which of the n lines may be used, n bytes.
-        image_lines: Of all lines, one after the other, shape (3 n,), visible ones as for are_image_lines.
-        direction: Likewise, as for are_lines and have_images.
-        moment: Likewise [m].
-        covariances: Of angle and offset of each image line, shape (3 n,), or empty: not known.
-        ends: Of each segment in the image, shape (4 n,), or empty: not known.
-        norm_tolerance: Of image lines.
-        line_tolerance: Of are_lines.
-        min_depth: Of have_images.
-
-    Returns:
-        Image lines, shape (n, 3); of the visible ones image lines, directions and moments, shape (k, 3); covariances,
-        shape (n, 3), and those of the visible ones, shape (k, 3), or None; ends, shape (n, 4), or None.
-    """
-
-def checked_pose(numbers: Array, norm_tolerance: float, farthest: float) -> tuple[Array, Array] | None:
-    """Return a rotation (3, 3) and a position (3,) [m] that nobody can write to; None if they are not sound.
-
-    Args:
-        numbers: Position [m] and unit quaternion (x, y, z, w), shape (7,).
-        norm_tolerance: By which the quaternion's length may differ from 1.
-        farthest: Largest coordinate [m].
-    """
-
 def align_lines(
     direction: Array, moment: Array, seen_direction: Array, seen_moment: Array
 ) -> tuple[Array, Array, float, float, float] | None:
@@ -993,24 +955,4 @@ def compute_rollout_twist(
     """Return the twist (6,) that a roll-out commands for image lines (n, 3), zeros where a line is not detected.
 
     With no rows: for what a camera, a Pose, sees without noise.
-    """
-
-# serialization.cpp
-
-def unpack(layout: str, data: bytes) -> tuple[Any, ...] | None:
-    """Return the fields of a message in the Common Data Representation, little-endian; None if that is broken.
-
-    Args:
-        layout: A letter for each field: ? bool, B uint8, i int32, I uint32, d float64, s string. Before it a number
-            says how many there are, and * that there is a sequence: d become an array that nobody can write to, i and s
-            a tuple, and B bytes.
-        data: The message with its head of four bytes.
-    """
-
-def pack(layout: str, values: tuple[Any, ...]) -> bytes:
-    """Return the message of fields as unpack has them.
-
-    Raises:
-        ValueError: If there are more or fewer values than fields, or numbers in an array than it has.
-        RuntimeError: If a value is of another type than its field.
     """

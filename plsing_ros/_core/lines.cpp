@@ -9,7 +9,6 @@
 
 #include "jacobi.hpp"
 #include "line_rows.hpp"
-#include "locked.hpp"
 
 namespace plsing {
 
@@ -103,7 +102,7 @@ constexpr double max_noise = 25.0;
 
 // Comparisons are written so that they fail for what is not a number.
 
-bool are_lines(const Rows3Ref &direction, const Rows3Ref &moment, double tolerance)
+bool are_lines(const Vectors &direction, const Vectors &moment, double tolerance)
 {
     require(direction.rows() == moment.rows(), "there must be a moment for each direction");
     for (Index i = 0; i < direction.rows(); i++) {
@@ -115,7 +114,7 @@ bool are_lines(const Rows3Ref &direction, const Rows3Ref &moment, double toleran
     return true;
 }
 
-bool are_image_lines(const Rows3Ref &image_lines, double tolerance)
+bool are_image_lines(const Vectors &image_lines, double tolerance)
 {
     for (Index i = 0; i < image_lines.rows(); i++)
         if (!(std::abs(std::hypot(image_lines(i, 0), image_lines(i, 1)) - 1.0) <= tolerance &&
@@ -124,7 +123,7 @@ bool are_image_lines(const Rows3Ref &image_lines, double tolerance)
     return true;
 }
 
-bool have_images(const Rows3Ref &moment, double min_depth)
+bool have_images(const Vectors &moment, double min_depth)
 {
     for (Index i = 0; i < moment.rows(); i++)
         if (!has_image(moment.row(i), std::hypot(moment(i, 0), moment(i, 1)), min_depth))
@@ -136,54 +135,6 @@ bool is_rotation(const View<3, 3> &rotation, double tolerance)
 {
     const Matrix3d error = rotation * rotation.transpose() - Matrix3d::Identity();
     return (error.array().abs() <= tolerance).all() && rotation.determinant() > 0.0;
-}
-
-py::object checked_features(const py::bytes &visible, const Values &image_lines, const Values &direction,
-                            const Values &moment, const Values &covariances, const Values &ends, double norm_tolerance,
-                            double line_tolerance, double min_depth)
-{
-    const std::string uses = visible;
-    const Index n = static_cast<Index>(uses.size());
-    for (const auto *numbers : {&image_lines, &direction, &moment, &covariances})
-        if (numbers->size() != 3 * n && !(numbers == &covariances && numbers->size() == 0))
-            return py::none();
-    if (ends.size() != 0 && ends.size() != 4 * n)
-        return py::none();
-    for (const auto *numbers : {&image_lines, &direction, &moment, &covariances, &ends})
-        if (!numbers->allFinite())
-            return py::none();
-    const auto kept = [&uses](const Values &numbers) {
-        Rows3 rows(numbers.size() / 3, 3);
-        Index count = 0;
-        for (Index i = 0; i < rows.rows(); i++)
-            if (uses[i] != 0)
-                rows.row(count++) = numbers.segment<3>(3 * i);
-        return Rows3(rows.topRows(count));
-    };
-    const Rows3 image = kept(image_lines), u = kept(direction), l = kept(moment), covariance = kept(covariances);
-    if (image.rows() == 0 || !are_image_lines(image, norm_tolerance) || !are_lines(u, l, line_tolerance) ||
-        !have_images(l, min_depth))
-        return py::none();
-    for (Index i = 0; i < covariance.rows(); i++)
-        if (!(covariance(i, 0) > 0.0 && covariance(i, 2) > 0.0 &&
-              covariance(i, 1) * covariance(i, 1) < covariance(i, 0) * covariance(i, 2)))
-            return py::none();
-    const auto all = [n](const Values &numbers) {
-        const Eigen::Map<const RowMajor<double, Dynamic, Dynamic>> rows(numbers.data(), n, numbers.size() / n);
-        return numbers.size() == 0 ? py::object(py::none()) : locked(array_of(rows));
-    };
-    const bool known = covariances.size() != 0;
-    return py::make_tuple(all(image_lines), locked(array_of(image)), locked(array_of(u)), locked(array_of(l)),
-                          all(covariances), known ? py::object(locked(array_of(covariance))) : py::none(), all(ends));
-}
-
-py::object checked_pose(const View<7> &numbers, double norm_tolerance, double farthest)
-{
-    Eigen::Quaterniond turn(numbers.tail<4>());
-    if (!(std::abs(turn.norm() - 1.0) <= norm_tolerance && (numbers.head<3>().array().abs() <= farthest).all()))
-        return py::none();
-    turn.normalize();
-    return py::make_tuple(locked(array_of(turn.toRotationMatrix())), locked(array_of(numbers.head<3>())));
 }
 
 // The pose of a camera that sees lines: the rotation that brings directions together best (Kabsch), and the translation
@@ -337,12 +288,10 @@ py::object exchanged_pair(const Vectors &image_lines, const Vectors &moment, con
 
 void bind_lines(py::module_ &module)
 {
-    module.def("are_lines", [](const Vectors &direction, const Vectors &moment, double tolerance) { return are_lines(direction, moment, tolerance); });
-    module.def("are_image_lines", [](const Vectors &image_lines, double tolerance) { return are_image_lines(image_lines, tolerance); });
-    module.def("have_images", [](const Vectors &moment, double min_depth) { return have_images(moment, min_depth); });
+    module.def("are_lines", &are_lines);
+    module.def("are_image_lines", &are_image_lines);
+    module.def("have_images", &have_images);
     module.def("is_rotation", &is_rotation);
-    module.def("checked_features", &checked_features);
-    module.def("checked_pose", &checked_pose);
     module.def("align_lines", &align_lines);
     module.def("are_consistent", &are_consistent);
     module.def("exchanged_pair", &exchanged_pair);

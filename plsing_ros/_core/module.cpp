@@ -13,7 +13,6 @@ void bind_pose_filter(py::module_ &module);
 void bind_singularity(py::module_ &module);
 void bind_isolated_points(py::module_ &module);
 void bind_rollout(py::module_ &module);
-void bind_serialization(py::module_ &module);
 }  // namespace plsing
 
 PYBIND11_MODULE(compiled, module)
@@ -30,5 +29,4 @@ PYBIND11_MODULE(compiled, module)
     plsing::bind_singularity(module);
     plsing::bind_isolated_points(module);
     plsing::bind_rollout(module);
-    plsing::bind_serialization(module);
 }

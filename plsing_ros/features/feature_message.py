@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -74,22 +73,6 @@ def observation_from_message(message: Any, frame: str) -> LineObservation:
         "" if given else getattr(message, "lines_source", ""),
         _rows(ends, 4),
     )
-
-
-def observation_from_fields(fields: Sequence[Any], frame: str) -> LineObservation | None:
-    """Return observation_from_message of the fields after the header, in its order; None where that has to look closer.
-
-    Args:
-        fields: Arrays of numbers, ids as a tuple, visible as bytes.
-        frame: Name of the camera's optical frame, which the message must be in.
-    """
-    ids, image_lines, covariances, ends, directions, moments, visible, source, verdict, reason = fields
-    trust = _VERDICTS.get(verdict)
-    if trust is None:
-        return None
-    said = (trust, "", "") if trust is LinesVerdict.GIVEN else (trust, sender_text(reason), source)
-    shown = visible or b"\1" * len(ids)
-    return LineObservation.of_fields(ids, shown, image_lines, directions, moments, frame, covariances, ends, *said)
 
 
 def sender_text(text: str) -> str:

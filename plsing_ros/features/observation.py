@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from itertools import compress
 from typing import cast
 
@@ -16,9 +15,8 @@ import numpy.typing as npt
 from plsing_ros import _core
 from plsing_ros.arrays import Array, BoolArray, checked_array, shaped_array
 from plsing_ros.errors import GeometryError, ObservationError, PlsingError
-from plsing_ros.features.projection import DEGENERATE_DEPTH, degenerate_projections, have_images, project_lines
+from plsing_ros.features.projection import degenerate_projections, have_images, project_lines
 from plsing_ros.geometry import LineSet, Pose
-from plsing_ros.geometry.line_set import LINE_TOLERANCE
 from plsing_ros.levels import MessageWord
 
 # Trackers round image lines to float32 at worst; a longer deviation from l'_x^2 + l'_y^2 = 1 is another normalisation.
@@ -145,59 +143,6 @@ class LineObservation:
         segments = None if ends is None else np.asarray(ends)
         return cls(tuple(ids), rows / length[:, np.newaxis], covariances=known, ends=segments)
 
-    @classmethod
-    def of_fields(
-        cls,
-        ids: tuple[int, ...],
-        visible: bytes,
-        image_lines: Array,
-        directions: Array,
-        moments: Array,
-        frame: str,
-        covariances: Array,
-        ends: Array,
-        verdict: LinesVerdict,
-        verdict_reason: str,
-        lines_source: str,
-    ) -> LineObservation | None:
-        """Return what from_rows does, from all numbers as a message has them: arrays of what is not known are empty.
-
-        None where nobody can say so at once: from_rows raises, or finds lines less than visible.
-        """
-        if not len(set(ids)) == len(ids) == len(visible):
-            return None
-        rows = _core.checked_features(
-            visible,
-            image_lines,
-            directions,
-            moments,
-            covariances,
-            ends,
-            _NORM_TOLERANCE,
-            LINE_TOLERANCE,
-            DEGENERATE_DEPTH,
-        )
-        if rows is None:
-            return None
-        image, seen, direction, moment, covariance, seen_covariance, segments = rows
-        used = tuple(compress(ids, visible)) if 0 in visible else ids
-        observation = object.__new__(cls)
-        observation.__dict__.update(
-            ids=ids,
-            image_lines=image,
-            usable=_usable(visible),
-            lines_camera=LineSet.of_checked(direction, moment, frame, used),
-            verdict=verdict,
-            verdict_reason=verdict_reason,
-            lines_source=lines_source,
-            covariances=covariance,
-            ends=segments,
-            usable_ids=used,
-            usable_image_lines=seen,
-            usable_covariances=seen_covariance,
-        )
-        return observation
-
     def _checked_covariances(self) -> Array | None:
         """Lock the covariances and return those of the usable rows."""
         if self.covariances is None:
@@ -302,13 +247,6 @@ class LineObservation:
         except PlsingError as error:
             _refuse_if_not_lines(directions, moments, len(ids))
             raise ObservationError(f"3-D lines of the observation: {error}") from None
-
-
-@lru_cache(maxsize=64)
-def _usable(visible: bytes) -> BoolArray:
-    usable: BoolArray = np.frombuffer(visible, dtype=np.uint8) != 0
-    usable.setflags(write=False)
-    return usable
 
 
 def checked_observation(observation: LineObservation) -> LineObservation:

@@ -19,7 +19,7 @@ from plsing_ros.geometry.pose import Pose, checked_position
 
 # Rounding of (direction, moment) through a float64 message and back stays far below this; a row that violates it
 # does not come from rounding.
-LINE_TOLERANCE = 1e-6
+_TOLERANCE = 1e-6
 _EXACT: Array = np.zeros(())
 
 
@@ -65,7 +65,7 @@ class LineSet:
             raise GeometryError("no lines given; at least one is needed")
         moment = shaped_array("moment", self.moment, (n, 3))
         ids = _checked_ids(tuple(self.ids), n)
-        if not _core.are_lines(direction, moment, LINE_TOLERANCE):
+        if not _core.are_lines(direction, moment, _TOLERANCE):
             _refuse(direction, moment, ids)
         for name, value in (("direction", direction), ("moment", moment), ("ids", ids)):
             object.__setattr__(self, name, value)
@@ -73,21 +73,6 @@ class LineSet:
             object.__setattr__(self, name, _checked_std(name, getattr(self, name), ids))
         if self.pivots is not None:
             object.__setattr__(self, "pivots", shaped_array("pivots", self.pivots, (n, 3)))
-
-    @classmethod
-    def of_checked(cls, direction: Array, moment: Array, frame: str, ids: tuple[int, ...]) -> LineSet:
-        """Return exact lines of rows that _core.checked_features has found to be lines, with distinct ids."""
-        lines, exact = object.__new__(cls), _zeros(len(ids))
-        lines.__dict__.update(
-            direction=direction,
-            moment=moment,
-            frame=frame,
-            ids=ids,
-            position_std=exact,
-            direction_std=exact,
-            pivots=None,
-        )
-        return lines
 
     @classmethod
     def from_points_directions(
@@ -216,14 +201,14 @@ def _refuse(direction: Array, moment: Array, ids: tuple[int, ...]) -> None:
     checked_array("direction", direction, (None, 3))
     checked_array("moment", moment, (None, 3))
     unit_error = np.abs(np.einsum("ij,ij->i", direction, direction) - 1.0)
-    if (unit_error > LINE_TOLERANCE).any():
+    if (unit_error > _TOLERANCE).any():
         row = int(np.argmax(unit_error))
         raise GeometryError(
             f"line {ids[row]}: direction {direction[row].tolist()} has length "
             f"{np.linalg.norm(direction[row]):.6g}, expected 1"
         )
     skewness = np.abs(np.einsum("ij,ij->i", direction, moment))
-    row = int(np.argmax(skewness - LINE_TOLERANCE * (1.0 + np.abs(moment).max(axis=1))))
+    row = int(np.argmax(skewness - _TOLERANCE * (1.0 + np.abs(moment).max(axis=1))))
     raise GeometryError(
         f"line {ids[row]}: moment {moment[row].tolist()} is not orthogonal to its direction "
         f"{direction[row].tolist()} (their product is {skewness[row]:.3g}), so it is not a line"

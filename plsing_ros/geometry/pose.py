@@ -15,8 +15,6 @@ from plsing_ros.errors import GeometryError
 from plsing_ros.geometry.rotations import exponential, quaternion_from_rotation, rotation_from_quaternion
 
 _TOLERANCE = 1e-6
-# Of the length of a quaternion, which others round.
-_NORM_TOLERANCE = 1e-3
 
 # Coordinates up to which products of a few lengths are still finite numbers.
 FARTHEST = 1e50  # [m]
@@ -62,19 +60,9 @@ class Pose:
         """
         quaternion = checked_array("quaternion", quaternion_xyzw, (4,))
         length = math.hypot(*quaternion.tolist())
-        if abs(length - 1.0) > _NORM_TOLERANCE:
+        if abs(length - 1.0) > 1e-3:
             raise GeometryError(f"quaternion {quaternion.tolist()} (x, y, z, w) has length {length:.6g}, expected 1")
         return cls(rotation_from_quaternion(quaternion), checked_position("translation", translation))
-
-    @classmethod
-    def from_numbers(cls, numbers: Array) -> Pose | None:
-        """Return from_quaternion of position and quaternion in one array, shape (7,), or None where it raises."""
-        found = _core.checked_pose(numbers, _NORM_TOLERANCE, FARTHEST)
-        if found is None:
-            return None
-        pose = object.__new__(cls)
-        pose.__dict__.update(rotation=found[0], translation=found[1])
-        return pose
 
     @classmethod
     def look_at(cls, center: npt.ArrayLike, at: npt.ArrayLike, down: npt.ArrayLike = (0.0, 0.0, -1.0)) -> Pose:
@@ -164,19 +152,10 @@ def checked_twist(name: str, value: npt.ArrayLike) -> Array:
     Raises:
         GeometryError: If value is not six finite numbers, or one is beyond 1e50 m/s or rad/s, whose squares overflow.
     """
-    twist = shaped_array(name, value, (6,))
-    if not is_twist(twist):
-        checked_array(name, twist, (6,))
+    twist = checked_array(name, value, (6,))
+    if max(map(abs, twist.tolist())) > FARTHEST:
         raise GeometryError(f"{name} is {twist.tolist()}; up to {FARTHEST:.0e} m/s or rad/s can be computed with")
     return twist
-
-
-def is_twist(values: Array) -> bool:
-    """Return whether checked_twist takes an array of numbers, shape (6,)."""
-    vx, vy, vz, wx, wy, wz = values.tolist()
-    linear: bool = -FARTHEST <= vx <= FARTHEST and -FARTHEST <= vy <= FARTHEST and -FARTHEST <= vz <= FARTHEST
-    angular: bool = -FARTHEST <= wx <= FARTHEST and -FARTHEST <= wy <= FARTHEST and -FARTHEST <= wz <= FARTHEST
-    return linear and angular
 
 
 def checked_center(name: str, pose_or_center: Pose | npt.ArrayLike) -> Array:

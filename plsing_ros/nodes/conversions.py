@@ -5,12 +5,10 @@ from __future__ import annotations
 
 import array
 import math
-from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Twist, TwistStamped
-from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
 from plsing_msgs.msg import (
@@ -23,23 +21,17 @@ from plsing_msgs.msg import LocusDistance as LocusDistanceMessage
 from plsing_ros.arrays import Array
 from plsing_ros.control.command import Command
 from plsing_ros.errors import GeometryError
-from plsing_ros.features import LineObservation
-from plsing_ros.features.feature_message import observation_from_fields, sender_text
+from plsing_ros.features import Conditioning, LineObservation
 from plsing_ros.features.feature_message import observation_from_message as observation_from_message
-from plsing_ros.geometry.pose import checked_twist, is_twist
+from plsing_ros.features.feature_message import sender_text
+from plsing_ros.geometry.pose import checked_twist
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.risk import Risk
-from plsing_ros.nodes.serialization import Serializer
 from plsing_ros.singularities import Kind, LocusDistance, Proximity, SingularSet
 
 _SECOND = 1_000_000_000
-_STATUS, _TWIST = Serializer(SingularityStatus), Serializer(TwistStamped)
-_FEATURES = Serializer(LineFeatureArray)
-# What there is in a status in place of what is not known.
-_NO_NUMBERS, _STILL = np.zeros(0), np.zeros(6)
-_NO_LOCUS = (LocusDistanceMessage.KIND_NONE, "", 0.0, "", np.zeros(3))
-_NOT_NEAR, _NO_RISK = (False, False, 0.0, 0.0, 0.0, False, 0.0, 0.0), (False, 0.0, 0.0, False, 0.0, 0, "")
+_NO_NUMBERS = array.array("d")
 LOCUS_KINDS = {
     Kind.TRANSVERSAL: LocusDistanceMessage.KIND_TRANSVERSAL,
     Kind.ISOLATED_POINT: LocusDistanceMessage.KIND_ISOLATED_POINT,
@@ -136,26 +128,6 @@ def twist_from_message(message: TwistStamped, frame: str, topic: str = "cmd_twis
     return checked_twist(topic, [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
 
 
-def twist_from_data(data: bytes, frame: str) -> tuple[int, Array] | None:
-    """Return stamp [ns] and twist of a serialized TwistStamped; None where twist_from_message has to look closer."""
-    fields = _TWIST.fields(data)
-    if fields is None or fields[2] != frame or not is_twist(fields[3]):
-        return None
-    return fields[0] * _SECOND + fields[1], fields[3]
-
-
-def observation_from_data(data: bytes, frame: str) -> tuple[int, LineObservation] | None:
-    """Return stamp [ns] and observation of a serialized LineFeatureArray.
-
-    None where observation_from_message has to look closer.
-    """
-    fields = _FEATURES.fields(data)
-    if fields is None or fields[2] != frame:
-        return None
-    observation = observation_from_fields(fields[3:], frame)
-    return None if observation is None else (fields[0] * _SECOND + fields[1], observation)
-
-
 def point_message(point: Array) -> Point:
     """Return a point, shape (3,) [m]."""
     return Point(x=float(point[0]), y=float(point[1]), z=float(point[2]))
@@ -195,95 +167,82 @@ def controller_state_message(
 
 def status_message(assessment: Assessment, singular: SingularSet, frame: str) -> SingularityStatus:
     """Return the status of an assessment; what is not known is flagged and zero."""
-    message: SingularityStatus = deserialize_message(status_data(assessment, singular, frame), SingularityStatus)
+    message = SingularityStatus()
+    fill_status(message, assessment, singular, frame)
     return message
 
 
-def status_data(assessment: Assessment, singular: SingularSet, frame: str) -> bytes:
-    """Return the serialized status of an assessment; what is not known is flagged and zero."""
-    return _STATUS.data(_status_fields(assessment, singular, frame))
-
-
-def _status_fields(assessment: Assessment, singular: SingularSet, frame: str) -> tuple[Any, ...]:
-    """Return the fields of a status in the order of its definition."""
-    stamp, numbers, distances, nearest = (
-        assessment.stamp,
-        assessment.conditioning,
-        assessment.locus_distances,
-        assessment.nearest,
-    )
+def fill_status(message: SingularityStatus, assessment: Assessment, singular: SingularSet, frame: str) -> None:
+    """Write the status of an assessment into a message, whatever was in it before."""
+    fill_stamp(message.header.stamp, assessment.stamp)
+    message.header.frame_id = frame
+    message.level = int(assessment.level)
+    message.reason = assessment.reason
+    message.line_count = assessment.line_count
+    message.trend = int(assessment.trend)
+    message.position_source = assessment.position_source
+    message.unobservable_motion_text = assessment.unobservable_motion_text
+    _fill_locus_distance(message.nearest, assessment.nearest, singular.lines.frame)
     target, time, rate = (
         assessment.target_inverse_condition_number,
         assessment.time_to_critical,
         assessment.inverse_condition_number_rate,
     )
-    approach, near, risk = assessment.approach, assessment.proximity, assessment.risk
-    return (
-        *divmod(stamp, _SECOND),
-        frame,
-        assessment.level,
-        assessment.reason,
-        assessment.line_count,
-        *(
-            (0.0, 0.0, 0.0, _NO_NUMBERS)
-            if numbers is None
-            else (
-                numbers.inverse_condition_number,
-                numbers.scaled_inverse_condition_number,
-                numbers.characteristic_length,
-                numbers.singular_values,
-            )
-        ),
-        target is not None,
-        target or 0.0,
-        rate is not None,
-        rate or 0.0,
-        numbers is not None,
-        _STILL if numbers is None else numbers.least_observable_direction,
-        assessment.unobservable_motion_text,
-        distances is not None,
-        assessment.position_source,
-        () if distances is None else singular.locus_names,
-        _NO_NUMBERS if distances is None else distances,
-        *(
-            _NO_LOCUS
-            if nearest is None
-            else (
-                LOCUS_KINDS[nearest.kind],
-                nearest.name,
-                nearest.distance,
-                singular.lines.frame,
-                nearest.closest_point,
-            )
-        ),
-        *(_NOT_NEAR if near is None else _proximity_fields(near)),
-        assessment.trend,
-        *((False, "", 0.0, 0.0) if approach is None else (True, approach.name, approach.distance, approach.time)),
-        time is not None,
-        time or 0.0,
-        *(_NO_RISK if risk is None else _risk_fields(risk, stamp)),
+    message.target_valid, message.target_inverse_condition_number = target is not None, target or 0.0
+    message.time_to_critical_valid, message.time_to_critical = time is not None, time or 0.0
+    message.rate_valid, message.inverse_condition_number_rate = rate is not None, rate or 0.0
+    approach = assessment.approach
+    message.approach_valid = approach is not None
+    message.approach_locus, message.approach_distance, message.time_to_approach = (
+        ("", 0.0, 0.0) if approach is None else (approach.name, approach.distance, approach.time)
+    )
+    distances = assessment.locus_distances
+    message.distances_valid = distances is not None
+    message.locus_names = [] if distances is None else list(singular.locus_names)
+    message.locus_distances = _NO_NUMBERS if distances is None else flat(distances)
+    _fill_conditioning(message, assessment.conditioning)
+    _fill_proximity(message, assessment.proximity)
+    _fill_risk(message, assessment.risk, assessment.stamp)
+
+
+def _fill_conditioning(message: SingularityStatus, numbers: Conditioning | None) -> None:
+    message.unobservable_motion_valid = numbers is not None
+    if numbers is None:
+        message.inverse_condition_number = message.scaled_inverse_condition_number = 0.0
+        message.characteristic_length = 0.0
+        message.singular_values = _NO_NUMBERS
+        fill_twist(message.unobservable_motion, np.zeros(6))
+        return
+    message.inverse_condition_number = numbers.inverse_condition_number
+    message.scaled_inverse_condition_number = numbers.scaled_inverse_condition_number
+    message.characteristic_length = numbers.characteristic_length
+    message.singular_values = flat(numbers.singular_values)
+    fill_twist(message.unobservable_motion, numbers.least_observable_direction)
+
+
+def _fill_proximity(message: SingularityStatus, near: Proximity | None) -> None:
+    """Fill in how near the camera is to a singular centre; what is infinite is flagged and zero."""
+    known = near is not None and math.isfinite(near.distance)
+    message.proximity_valid = known
+    message.singular_distance, message.relative_condition = (
+        (near.distance, near.relative_condition) if near is not None and known else (0.0, 0.0)
+    )
+    z = None if near is None else near.z
+    message.has_z, message.z = (True, z) if z is not None and math.isfinite(z) else (False, 0.0)
+    precise = near is not None and math.isfinite(near.position_std) and math.isfinite(near.rotation_std)
+    message.precision_valid = precise
+    message.position_std, message.rotation_std = (
+        (near.position_std, near.rotation_std) if near is not None and precise else (0.0, 0.0)
     )
 
 
-def _proximity_fields(near: Proximity) -> tuple[Any, ...]:
-    """Return how near the camera is to a singular centre; what is infinite is flagged and zero."""
-    z, distance, position, rotation = near.z, near.distance, near.position_std, near.rotation_std
-    known, precise = math.isfinite(distance), math.isfinite(position) and math.isfinite(rotation)
-    has_z = z is not None and math.isfinite(z)
-    return (
-        known,
-        has_z,
-        z if has_z else 0.0,
-        *((distance, near.relative_condition) if known else (0.0, 0.0)),
-        precise,
-        *((position, rotation) if precise else (0.0, 0.0)),
+def _fill_risk(message: SingularityStatus, risk: Risk | None, stamp: int) -> None:
+    time = None if risk is None else risk.time_to_harm
+    message.risk_valid, message.time_to_harm_valid = risk is not None, time is not None
+    message.risk, message.demand, message.harm, message.harm_text = (
+        (0.0, 0.0, 0, "") if risk is None else (risk.probability, risk.demand, int(risk.harm), risk.harm_text)
     )
-
-
-def _risk_fields(risk: Risk, stamp: int) -> tuple[Any, ...]:
-    time = risk.time_to_harm
-    left = 0.0 if time is None else max(time - (stamp - risk.stamp) / 1e9, 0.0)
-    return True, risk.probability, risk.demand, time is not None, left, risk.harm, risk.harm_text
+    message.time_to_harm = 0.0 if risk is None or time is None else max(time - (stamp - risk.stamp) / 1e9, 0.0)
 
 
 def alert_message(assessment: Assessment, previous: Level, frame: str, scene_frame: str) -> SingularityAlert:
@@ -302,6 +261,11 @@ def alert_message(assessment: Assessment, previous: Level, frame: str, scene_fra
 def locus_distance_message(nearest: LocusDistance | None, frame: str) -> LocusDistanceMessage:
     """Return the message of a distance in the scene's frame, of kind NONE if there is none."""
     message = LocusDistanceMessage()
+    _fill_locus_distance(message, nearest, frame)
+    return message
+
+
+def _fill_locus_distance(message: LocusDistanceMessage, nearest: LocusDistance | None, frame: str) -> None:
     if nearest is None:
         message.kind, message.name, message.distance, message.frame_id = LocusDistanceMessage.KIND_NONE, "", 0.0, ""
         point = [0.0, 0.0, 0.0]
@@ -314,4 +278,3 @@ def locus_distance_message(nearest: LocusDistance | None, frame: str) -> LocusDi
         )
         point = nearest.closest_point.tolist()
     message.closest_point.x, message.closest_point.y, message.closest_point.z = point
-    return message

@@ -16,7 +16,6 @@ from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
-from rclpy.serialization import deserialize_message
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
@@ -125,8 +124,7 @@ class ManagedNode(LifecycleNode):
 
     def now(self) -> int:
         """Return the node clock's time [ns]."""
-        # Without the object around it that rclpy makes of each.
-        nanoseconds: int = self.get_clock().handle.get_now().nanoseconds
+        nanoseconds: int = self.get_clock().now().nanoseconds
         return nanoseconds
 
     def report(self, text: str, level: bytes) -> None:
@@ -158,25 +156,10 @@ class ManagedNode(LifecycleNode):
         """Create a publisher whose quality of service can be overridden by parameters."""
         return self.create_publisher(message_type, topic, profile, qos_overriding_options=qos.overridable())
 
-    def subscribe(
-        self,
-        message_type: type,
-        topic: str,
-        callback: Callable[[Any], None],
-        profile: Any,
-        quick: Callable[[bytes], bool] | None = None,
-    ) -> None:
+    def subscribe(self, message_type: type, topic: str, callback: Callable[[Any], None], profile: Any) -> None:
         """Call back for each message while active; quality of service can be overridden by parameters.
 
         The latest message of a latched topic is handed over at each activation, for it does not come again.
-
-        Args:
-            message_type: Of the topic.
-            topic: Its name.
-            callback: Takes each message.
-            profile: Quality of service.
-            quick: Takes each message as it was sent, before it is made a message, which costs as much as all the rest;
-                returns whether it has: another one goes to callback.
         """
         guarded = self.guarded(callback)
         receive = guarded
@@ -186,16 +169,7 @@ class ManagedNode(LifecycleNode):
                 self._latched[topic] = (guarded, message)
                 guarded(message)
 
-        elif quick is not None:
-            take = self.guarded(quick)
-
-            def receive(data: bytes) -> None:
-                if take(data) is False:
-                    guarded(deserialize_message(data, message_type))
-
-        self.create_subscription(
-            message_type, topic, receive, profile, qos_overriding_options=qos.overridable(), raw=quick is not None
-        )
+        super().create_subscription(message_type, topic, receive, profile, qos_overriding_options=qos.overridable())
 
     def serve(self, service_type: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Answer a service while active; otherwise, and at a fault, its answer is success: false with a message."""

@@ -13,12 +13,8 @@ from plsing_ros.arrays import Array
 from plsing_ros.errors import GeometryError
 from plsing_ros.geometry import Pose
 from plsing_ros.nodes.conversions import flat, locus_distance_message, twist_message
-from plsing_ros.nodes.serialization import Serializer
 from plsing_ros.pose import PoseEstimate
-from plsing_ros.pose.received_poses import ReceivedPose, covariance_or_none
-
-_SECOND = 1_000_000_000
-_RECEIVED_POSE = Serializer(PoseWithCovarianceStamped)
+from plsing_ros.pose.received_poses import covariance_or_none
 
 
 def pose_message(T_world_camera: Pose) -> PoseMessage:
@@ -73,18 +69,6 @@ def covariance_from_message(message: PoseWithCovarianceStamped) -> Array | None:
     None if it is zero, or no covariance: not finite, or with a negative variance.
     """
     return covariance_or_none(message.pose.covariance.reshape(6, 6))
-
-
-def received_pose_from_data(data: bytes, frame: str) -> ReceivedPose | None:
-    """Return a serialized PoseWithCovarianceStamped; None where camera_pose_from_message has to look closer."""
-    fields = _RECEIVED_POSE.fields(data)
-    if fields is None or fields[2] != frame:
-        return None
-    sec, nanosec, _, numbers, covariance = fields
-    pose = Pose.from_numbers(numbers)
-    if pose is None:
-        return None
-    return ReceivedPose(sec * _SECOND + nanosec, pose, covariance_or_none(covariance.reshape(6, 6)))
 
 
 def pose_from_message(message: PoseStamped, frame: str) -> Pose:

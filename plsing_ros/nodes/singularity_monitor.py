@@ -17,20 +17,17 @@ from visualization_msgs.msg import MarkerArray
 from plsing_msgs.msg import ControllerState, LineFeatureArray, SingularityAlert, SingularityStatus, SingularLoci
 from plsing_msgs.srv import CheckPose
 from plsing_ros.errors import PlsingError
-from plsing_ros.features import LineObservation
 from plsing_ros.levels import Level
 from plsing_ros.monitoring.assessment import Assessment
 from plsing_ros.monitoring.singularity_monitor import SingularityMonitor as Monitor
 from plsing_ros.nodes import qos
 from plsing_ros.nodes.conversions import (
     alert_message,
+    fill_status,
     header,
     nanoseconds,
-    observation_from_data,
     observation_from_message,
-    status_data,
     status_message,
-    twist_from_data,
     twist_from_message,
 )
 from plsing_ros.nodes.diagnostics import Diagnostics
@@ -39,12 +36,7 @@ from plsing_ros.nodes.main import run_node
 from plsing_ros.nodes.markers import CameraMarkers, scene_markers
 from plsing_ros.nodes.parameterized_node import ParameterizedNode
 from plsing_ros.nodes.path_conversions import path_from_message
-from plsing_ros.nodes.pose_conversions import (
-    camera_pose_from_message,
-    covariance_from_message,
-    pose_from_message,
-    received_pose_from_data,
-)
+from plsing_ros.nodes.pose_conversions import camera_pose_from_message, covariance_from_message, pose_from_message
 from plsing_ros.parameters import MonitorParameters
 
 _DIAGNOSTIC_LEVELS = {
@@ -68,16 +60,17 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         self._drawn: Assessment | None = None
         # The operator's word outlives what configure makes.
         self._enabled = True
+        self._message = SingularityStatus()
         self._status = self.advertise(SingularityStatus, "singularity_status", qos.STATUS)
         self._alerts = self.advertise(SingularityAlert, "singularity_alerts", qos.LATCHED)
         self._loci = self.advertise(SingularLoci, "singular_loci", qos.LATCHED)
         self._scene_markers = self.advertise(MarkerArray, "singularity_markers", qos.LATCHED)
         self._camera_markers = self.advertise(MarkerArray, "camera_markers", qos.LATCHED)
         self._diagnostics = Diagnostics(self, self._report_diagnostics)
-        self.subscribe(PoseWithCovarianceStamped, "camera_pose", self._on_pose, qos.SENSOR_DATA, self._take_pose)
-        self.subscribe(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT, self._take_twist)
+        self.subscribe(PoseWithCovarianceStamped, "camera_pose", self._on_pose, qos.SENSOR_DATA)
+        self.subscribe(TwistStamped, "cmd_twist", self._on_twist, qos.COMMAND_INPUT)
         self.subscribe(LineFeatureArray, "desired_line_features", self._on_desired, qos.LATCHED)
-        self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA, self._take_features)
+        self.subscribe(LineFeatureArray, "line_features", self._on_features, qos.SENSOR_DATA)
         self.subscribe(ControllerState, "controller/state", self._on_controller, qos.STATUS)
         self.subscribe(Path, "controller/planned_path", self._on_path, qos.LATCHED)
         self.serve(SetBool, "~/enable", self._on_enable)
@@ -126,14 +119,6 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
             self.warn_of("camera_pose refused", "")
             self._monitor.receive_pose(pose, nanoseconds(message.header.stamp), covariance_from_message(message))
 
-    def _take_pose(self, data: bytes) -> bool:
-        received = received_pose_from_data(data, self.parameters.scene_frame)
-        if received is None:
-            return False
-        self.warn_of("camera_pose refused", "")
-        self._monitor.receive_pose(received.T_world_camera, received.stamp, received.covariance)
-        return True
-
     def _on_twist(self, message: TwistStamped) -> None:
         try:
             twist = twist_from_message(message, self.parameters.camera_frame)
@@ -142,15 +127,6 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         else:
             self.warn_of("cmd_twist not used for prediction", "")
             self._monitor.receive_twist(twist, nanoseconds(message.header.stamp))
-
-    def _take_twist(self, data: bytes) -> bool:
-        received = twist_from_data(data, self.parameters.camera_frame)
-        if received is None:
-            return False
-        stamp, twist = received
-        self.warn_of("cmd_twist not used for prediction", "")
-        self._monitor.receive_twist(twist, stamp)
-        return True
 
     def _on_controller(self, message: ControllerState) -> None:
         self._monitor.receive_controller(message.law, message.gain)
@@ -180,27 +156,9 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
         stamp = nanoseconds(message.header.stamp)
         try:
             observation = observation_from_message(message, self.parameters.camera_frame)
-        except PlsingError as error:
-            self._finish(self._monitor.unusable(str(error), stamp), stamp)
-        else:
-            self._answer(observation, stamp)
-
-    def _take_features(self, data: bytes) -> bool:
-        received = observation_from_data(data, self.parameters.camera_frame)
-        if received is None:
-            return False
-        stamp, observation = received
-        self._answer(observation, stamp)
-        return True
-
-    def _answer(self, observation: LineObservation, stamp: int) -> None:
-        try:
             assessment = self._monitor.answer(observation, stamp, self.now())
         except PlsingError as error:
             assessment = self._monitor.unusable(str(error), stamp)
-        self._finish(assessment, stamp)
-
-    def _finish(self, assessment: Assessment | None, stamp: int) -> None:
         if assessment is not None:
             self._publish(assessment)
         self._diagnostics.count(stamp)
@@ -232,8 +190,9 @@ class SingularityMonitorNode(ParameterizedNode[MonitorParameters]):
     def _publish(self, assessment: Assessment) -> None:
         previous, self._latest = self._latest, assessment
         if self._status.get_subscription_count():
-            # Without a message in between: its hundred properties cost as much as all the rest.
-            self._status.publish(status_data(assessment, self._monitor.singular_set, self.parameters.camera_frame))
+            # One message for all: it is taken over before publish returns, and making one costs more than filling it.
+            fill_status(self._message, assessment, self._monitor.singular_set, self.parameters.camera_frame)
+            self._status.publish(self._message)
         if previous is not None and (previous.level, previous.kind) == (assessment.level, assessment.kind):
             return
         before = assessment.level if previous is None else previous.level

@@ -15,11 +15,6 @@ SCENE, FORMS, MAPS = np.ones((2, 1, 4, 3)), np.ones((2, 3)), (np.eye(15), np.one
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
-        ("checked_pose", (np.ones(6), 1e-3, 1e50)),
-        ("checked_features", (b"\1", *[np.ones((1, 3))] * 3, np.ones(0), np.ones(0), 1e-3, 1e-6, 1e-9)),
-        ("unpack", ("i?x", b"\0\1" + bytes(14))),
-        ("pack", ("2d", (np.ones(3),))),
-        ("pack", ("x", (1,))),
         ("svd", (np.ones((12, 7)),)),
         ("svd", (np.ones((6, 12)).T,)),
         ("svd", (np.ones((12, 6), dtype=np.float32),)),

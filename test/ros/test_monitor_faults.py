@@ -301,12 +301,3 @@ def test_camera_markers_reach_a_late_viewer(loop):
     late = loop.ros.collect(MarkerArray, "camera_markers", qos.LATCHED)
     loop.ros.spin_until(lambda: late, "the latched markers")
     assert {marker.ns for marker in late[0].markers} == {"camera", "camera_path", "status", "unobservable_motion"}
-
-
-@pytest.mark.parametrize("data", [b"\0\1\0\0", b"\0\1\0\0" + 40 * b"\xff", 64 * b"\xff"])
-def test_bytes_that_are_no_message_end_nothing(loop, data):
-    loop.status_at(CALM)
-    for publisher in (loop.features, loop.poses):
-        publisher.publish(data)
-    loop.ros.spin_for(0.1)
-    assert_recovers(loop)
