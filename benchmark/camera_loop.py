@@ -27,6 +27,7 @@ from plsing_ros.parameters.config_files import config_file
 from plsing_ros.parameters.options import pose_options
 from plsing_ros.parameters.parameter_file import read_parameters
 from plsing_ros.simulation.arm import Arm
+from plsing_ros.simulation.arm_simulation import ArmSimulation
 from plsing_ros.simulation.camera_loop import CameraLoop
 from plsing_ros.tracking.session import SessionState
 
@@ -77,6 +78,8 @@ def main(quick: bool = False) -> None:
     print(
         f"Seed {_SEED}: {count} starts 10 to 30 cm and 10 to 20 degrees from the target, the object in view, noise 2\n"
     )
+    # Edges look otherwise in the pictures of another renderer.
+    print(renderer(starts[0]) + "\n", flush=True)
     rows: dict[str, list[Run]] = {name: [] for name in _VARIANTS}
     for number, start in enumerate(starts):
         for name, (law, from_pose) in _VARIANTS.items():
@@ -142,16 +145,10 @@ def run_cached(name: str, number: int, start: Pose, law: str, from_pose: bool) -
 
 def run_loop(number: int, start: Pose, law: str, from_pose: bool) -> Run:
     """Run one start until it stays at the target, or its time is over."""
-    given = pose_options(start)
-    arm = read_parameters(config_file(SCENE), "arm_simulator") | {
-        "start.position": given["position"],
-        "start.orientation": given["orientation"],
-        "mode": "lockstep",
-        "seed": 1000 * _SEED + number,
-    }
+    arm = arm_at(start, 1000 * _SEED + number)
     controller = read_parameters(config_file(SCENE), "controller") | {"law": law, "gain": _GAIN}
     values = ControllerParameters.from_values(controller)
-    loop, target = CameraLoop(ArmSimulatorParameters.from_values(arm), values, from_pose), values.target_pose()
+    loop, target = CameraLoop(arm, values, from_pose), values.target_pose()
     random = np.random.default_rng([_SEED, number])
     away, axis = random.normal(size=(2, 3))
     away *= _FIRST_OFF[0] / np.linalg.norm(away)
@@ -177,6 +174,25 @@ def run_loop(number: int, start: Pose, law: str, from_pose: bool) -> Run:
     frames = outside[-1] + 1 if outside else 0
     nees = float(np.median(squares)) if squares else float("nan")
     return Run(float(position), float(rotation), frames, silent, not_tracking, words, nees)
+
+
+def arm_at(start: Pose, seed: int) -> ArmSimulatorParameters:
+    """Return the arm of the scene at a start, with its camera, in lockstep."""
+    given = pose_options(start)
+    values = read_parameters(config_file(SCENE), "arm_simulator") | {
+        "start.position": given["position"],
+        "start.orientation": given["orientation"],
+        "mode": "lockstep",
+        "seed": seed,
+    }
+    return ArmSimulatorParameters.from_values(values)
+
+
+def renderer(start: Pose) -> str:
+    """Return what draws, as a sentence."""
+    simulation = ArmSimulation(arm_at(start, 0))
+    simulation.close()
+    return simulation.renderer
 
 
 def difference(a: Pose, b: Pose) -> tuple[float, float]:
