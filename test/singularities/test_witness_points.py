@@ -5,7 +5,7 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from messages import mentions
 from singular_scenes import PAPER_FOUR, line_set, min_ratio, singular_centers
@@ -39,6 +39,11 @@ def assert_complete(lines, starts=60):
 
 @settings(max_examples=6, deadline=None)
 @given(way=st.lists(vectors, min_size=3, max_size=3), point=vectors, other=vectors)
+@example(
+    way=[np.array([0.0, 1.0, -0.75]), np.array([1.453, 0.0, -1.217]), np.array([0.941, 1.274, 0.993])],
+    point=np.array([0.0, -0.5, -1.25]),
+    other=np.array([-1.125, -0.16, 2.0]),
+)
 def test_three_concurrent_lines_and_another(way, point, other):
     directions = np.array([*way, other])
     length = np.linalg.norm(directions, axis=1)
@@ -53,7 +58,8 @@ def test_three_concurrent_lines_and_another(way, point, other):
     for curve in curves:
         points = curve.polyline(singular.frame.center, 5.0 * singular.frame.length)
         points = points[np.isfinite(points).all(axis=1)]
-        assert max((min_ratio(singular.lines, each) for each in points[::20]), default=0.0) < 1e-8
+        # Where a branch turns, a root is double, and known to the square root of the rounding, 1.5e-8.
+        assert max((min_ratio(singular.lines, each) for each in points[::20]), default=0.0) < 1e-7
         # The closest of the curve, by comparison with all that is drawn.
         place = singular.frame.center + singular.frame.length * np.array([0.4, -0.7, 0.3])
         drawn = min((np.linalg.norm(points - place, axis=1)).tolist(), default=np.inf)
