@@ -136,7 +136,8 @@ class ScrewCurve:
 
     def _on_curve(self, axes: Array) -> Array:
         """Return the unit vectors with F = 0 near vectors (k, 3), by Newton's method."""
-        for _ in range(3):
+        # Where the curve turns sharply, three steps do not reach it.
+        for _ in range(5):
             axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
             slopes = self._gradients(axes)
             square = np.maximum((slopes * slopes).sum(axis=1), 1e-300)

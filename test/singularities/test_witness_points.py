@@ -58,8 +58,7 @@ def test_three_concurrent_lines_and_another(way, point, other):
     for curve in curves:
         points = curve.polyline(singular.frame.center, 5.0 * singular.frame.length)
         points = points[np.isfinite(points).all(axis=1)]
-        # Where a branch turns, a root is double, and known to the square root of the rounding, 1.5e-8.
-        assert max((min_ratio(singular.lines, each) for each in points[::20]), default=0.0) < 1e-7
+        assert max((min_ratio(singular.lines, each) for each in points[::20]), default=0.0) < 1e-8
         # The closest of the curve, by comparison with all that is drawn.
         place = singular.frame.center + singular.frame.length * np.array([0.4, -0.7, 0.3])
         drawn = min((np.linalg.norm(points - place, axis=1)).tolist(), default=np.inf)
