@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.stats import qmc
 
 from plsing_ros import _core
-from plsing_ros.arrays import Array, shaped_array
+from plsing_ros.arrays import Array, checked_array
 from plsing_ros.errors import GeometryError
 from plsing_ros.features.rank_basis import rank_bases
 from plsing_ros.geometry import LineSet, Pose
@@ -83,7 +83,7 @@ def proximity(
 
     Raises:
         GeometryError: If the centre is not three finite numbers or beyond 1e50 m, if image_std is not positive, if
-            covariances come with a centre alone or in another shape, or if the rank basis overflows.
+            covariances come with a centre alone, in another shape or not finite, or if the rank basis overflows.
 
     Source: new, docs/near_singular.md.
     """
@@ -96,7 +96,7 @@ def proximity(
         if not isinstance(pose_or_center, Pose):
             raise GeometryError("covariances of image lines are given with a camera centre alone; give the pose")
         rotation = pose_or_center.rotation
-        weights = shaped_array("covariances", covariances, (len(lines.ids), 3))
+        weights = checked_array("covariances", covariances, (len(lines), 3))
     found = _core.proximity(
         lines.direction,
         lines.pivot,

@@ -148,6 +148,8 @@ def test_the_precision_is_that_of_the_covariances_of_the_features(spread, share,
     assert found.rotation_std == pytest.approx(np.linalg.norm(worst[3:]), rel=1e-4)
     with pytest.raises(GeometryError, match="covariances.*pose"):
         singular_set(lines).proximity(center, covariances=covariances)
+    with pytest.raises(GeometryError, match="covariances.*nan"):
+        singular_set(lines).proximity(pose, covariances=np.where(covariances == covariances.max(), np.nan, covariances))
 
 
 def test_the_step_goes_to_points_lines_and_planes():
