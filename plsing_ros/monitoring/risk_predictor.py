@@ -133,7 +133,8 @@ class RiskPredictor:
         self._stamps = [*self._stamps[-9:], stamp]
         self._collect()
         used = observation
-        if (self._stated or (parameters.law,))[0] not in STRAIGHT_LAWS:
+        law = parameters.law if self._stated is None else self._stated[0]
+        if law not in STRAIGHT_LAWS:
             used = self._certain.of_observation(observation, parameters.columns)
         self._law_check.receive_frame(stamp, pose, used)
         if parameters.map_noise > 0.0 or parameters.focal_error > 0.0:
