@@ -55,8 +55,9 @@ class CertainLines:
 
         Args:
             lines: In the camera's optical frame.
-            covariances: Of angle and offset of each image line, shape (n, 3), if they are known.
-            columns: Of L: the degrees of freedom in use.
+            covariances: Of angle and offset of each image line (angle angle, angle offset, offset offset), on z = 1,
+                shape (n, 3) [rad^2, rad, 1]; None if they are not known.
+            columns: Of L, from 0 to 5: the degrees of freedom in use.
 
         Raises:
             GeometryError: If a line has no image, and another one is far less certain than most.
