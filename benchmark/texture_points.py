@@ -128,8 +128,6 @@ def poses_of_points(
     for k in range(count):
         alive = [i for i in rows if clear[i] and k in known[i]]
         seen = camera.normalised(np.array([known[i][k] for i in alive]))
-        rotation, translation, *_ = compiled.fit_points(
-            points[alive], seen, _DEVIATION / camera.focal, pose.rotation, pose.translation
-        )
+        rotation, translation, *_ = compiled.fit_points(points[alive], seen, _DEVIATION / camera.focal, pose)
         poses[k] = pose = Pose(rotation, translation)
     return poses
