@@ -22,6 +22,8 @@ _TOLERANCE = 1e-3
 _RINGS = (18.0, 6), (36.0, 10)
 _ROLL = 0.1
 _DEPTH = 0.08
+# How far a first pose may be off: a turn [rad], a shift in the image [px], and as many times that along the view.
+_NEAR_TURN, _NEAR_SHIFT, _NEAR_DEPTH = 0.09, 12.0, 3.0
 # Models with more edges are taken as they are: comparing all with all would take too long.
 _MAX_EDGES = 200
 
@@ -108,6 +110,24 @@ def surroundings(T_camera_model: Pose, center: Array, focal: float) -> list[Pose
         turn = exponential(roll * sight)[0]
         found.append(Pose(turn, middle - turn @ middle) @ T_camera_model)
     found += [Pose(np.eye(3), share * middle) @ T_camera_model for share in (-_DEPTH, _DEPTH)]
+    return found
+
+
+def nearby(T_camera_model: Pose, center: Array, focal: float) -> list[Pose]:
+    """Return poses that differ from one by little, in each motion of the object both ways.
+
+    Args:
+        T_camera_model: The pose.
+        center: Of the object, in the model frame, shape (3,) [m].
+        focal: Of the camera [px].
+    """
+    middle = T_camera_model.rotation @ center + T_camera_model.translation
+    found = []
+    for axis in np.vstack([np.eye(3), -np.eye(3)]):
+        turn = exponential(_NEAR_TURN * axis)[0]
+        found.append(Pose(turn, middle - turn @ middle) @ T_camera_model)
+        shift = _NEAR_SHIFT / focal * middle[2] * axis * (1.0, 1.0, _NEAR_DEPTH)
+        found.append(Pose(np.eye(3), shift) @ T_camera_model)
     return found
 
 

@@ -20,7 +20,7 @@ from plsing_ros.features import LineObservation
 from plsing_ros.geometry import Pose
 from plsing_ros.geometry.model import Model
 from plsing_ros.geometry.rotations import turned_covariance
-from plsing_ros.tracking.alternatives import angle_between, flipped, is_flat, surroundings, symmetries
+from plsing_ros.tracking.alternatives import angle_between, flipped, is_flat, nearby, surroundings, symmetries
 from plsing_ros.tracking.camera import PinholeCamera
 from plsing_ros.tracking.model_tolerance import model_covariance
 from plsing_ros.tracking.points import FacePoints, PointPose
@@ -42,6 +42,9 @@ _MIN_GAIN = 0.1
 # What ends a search round a pose, and where it begins in an image after the first.
 _FOUND_EXCESS = 0.8
 _STARTS_PER_IMAGE = 4
+# Round a first pose: what is found where it is said to be; what others explain about as much; and what is not the same
+# pose, since vertices move by more [px].
+_SURE_EXCESS, _AS_MUCH, _APART = 0.8, 0.05, 4.0
 # What is enough of a pose found so within reach of the widest search, where lines that could contradict it by so many
 # degrees of freedom do not: edges between faces that are equally bright are not seen.
 _AGREED_EXCESS, _MIN_AGREED = 0.65, 5.5
@@ -186,6 +189,7 @@ class LineTracker:
         self._flat: dict[bytes, bool] = {}  # whether sets of visible edges are
         self._doubt = _MIN_DOUBT  # how far the object may have turned unseen [rad]
         self._usual: float | None = None  # excess of the images until now
+        self._confirmed = False  # whether an image explained the edges well since the pose was found
         self._noise = 0.0  # of the image [grey levels]
 
     def start(self, pose: Pose) -> None:
@@ -199,6 +203,7 @@ class LineTracker:
         self._doubt = _MIN_DOUBT
         self._losses = 1
         self._usual = None
+        self._confirmed = False
         self._residuals[:], self._lasting = 0.0, 0.0
         self._core.forget(True)
         if self._points is not None:
@@ -206,7 +211,7 @@ class LineTracker:
 
     @property
     def T_world_camera(self) -> Pose | None:
-        """The last pose that was found; None before the first."""
+        """The last pose that was found, or the first one that was given; None before."""
         return None if self._last is None else self._last.inverse()
 
     def track(self, image: Image, pose: Pose | None = None, time: float | None = None) -> Tracking:
@@ -214,7 +219,8 @@ class LineTracker:
 
         Args:
             image: Grey, of the camera's size, dtype uint8.
-            pose: T_world_camera expected, by a filter or the twist that was commanded; the last one if not given.
+            pose: T_world_camera expected, by a filter or the twist that was commanded; the last one if not given. The
+                object is looked for round the first one, image after image, until it is found.
             time: Of the image, on any clock [s]; a rolling shutter is not corrected where it is not given.
 
         Raises:
@@ -224,6 +230,8 @@ class LineTracker:
         predicted = pose.inverse() if pose is not None else self._last
         if predicted is None:
             raise ObservationError("no pose to start from: give the first image's pose, or search for it")
+        if self._last is None:
+            self._last = predicted
         if self._losses % 2 == 0 and self._losses > 0 and self._trusted is not None:
             # The loss may have begun unseen.
             predicted = self._trusted
@@ -252,23 +260,51 @@ class LineTracker:
             other = self._fit(grey, predicted, reach, None)
             if other is not None and (fit is None or self._is_better(predicted, other, fit)):
                 fit, by_points = other, None
-        if self._losses and by_points is None and (fit is None or fit.clear_excess < _FOUND_EXCESS):
+        if self._usual is None and by_points is None:
+            fit, apart = self._first(grey, predicted, fit)
+            if apart > _APART:
+                return self._lost(f"poses {apart:.0f} pixels apart explain the edges as well")
+        elif self._losses and by_points is None and (fit is None or fit.clear_excess < _FOUND_EXCESS):
             fit = self._search(grey, predicted, fit)
         return self._concluded(grey, predicted, fit, by_points)
 
+    def _first(self, image: Image, predicted: Pose, fit: _Fit | None) -> tuple[_Fit | None, float]:
+        """Return the best fit round a first pose, and how far from it others are that explain as much, at most [px].
+
+        The edges that are nearest to those of the model may be those of other things.
+        """
+        if fit is not None and fit.excess > _SURE_EXCESS and self._moved(predicted, fit.T_camera_model) < _APART:
+            return fit, 0.0
+        starts = nearby(predicted, self.model.center, self.camera.focal) + self._surroundings(predicted)
+        fits = [fit, *(self._fit(image, start, _SEARCH_RANGES[1:], None) for start in starts)]
+        found = [each for each in fits if each is not None]
+        best = max(found, key=lambda each: each.excess, default=None)
+        if best is None:
+            return None, 0.0
+        good = [each for each in found if each.excess > best.excess - _AS_MUCH]
+        for each in good:
+            # Of those that explain as much, the first pose tells which.
+            if self._moved(predicted, each.T_camera_model) < _APART:
+                return each, 0.0
+        return best, max(self._moved(best.T_camera_model, each.T_camera_model) for each in good)
+
     def _search(self, image: Image, predicted: Pose, fit: _Fit | None) -> _Fit | None:
-        """Return the best fit round a pose: in all its surroundings at first, in some at each later image."""
-        starts = surroundings(predicted, self.model.center, self.camera.focal)
-        if self._losses > 2:
-            first = (self._losses - 3) * _STARTS_PER_IMAGE % len(starts)
-            starts = starts[first : first + _STARTS_PER_IMAGE]
-        for start in starts:
+        """Return the best fit round a pose."""
+        for start in self._surroundings(predicted):
             other = self._fit(image, start, _SEARCH_RANGES[1:], None)
             if other is not None and (fit is None or other.excess > fit.excess):
                 fit = other
             if fit is not None and fit.clear_excess >= _FOUND_EXCESS:
                 break
         return fit
+
+    def _surroundings(self, predicted: Pose) -> list[Pose]:
+        """Return poses round one: all of them at first, some in each later image."""
+        starts = surroundings(predicted, self.model.center, self.camera.focal)
+        if self._losses > 2:
+            first = (self._losses - 3) * _STARTS_PER_IMAGE % len(starts)
+            starts = starts[first : first + _STARTS_PER_IMAGE]
+        return starts
 
     def _fit(self, image: Image, pose: Pose, ranges: tuple[int, ...], points: PointPose | None) -> _Fit | None:
         """Return the edges fitted with smaller and smaller ranges; None where there are none."""
@@ -319,6 +355,7 @@ class LineTracker:
         if not deviation < self.model.radius:
             return self._lost(f"the edges leave the position uncertain by {deviation:.2g} m")
         self._losses = 0
+        self._confirmed = self._confirmed and not found
         state, reason = self._verdict(fit, deviation, turn, _FOUND_EXCESS if found else _GOOD_EXCESS, contradicted)
         reading = self._reading(pose)
         self._last, self._last_time = pose, self._time
@@ -359,7 +396,8 @@ class LineTracker:
     def _needed(self, predicted: Pose, fit: _Fit | None, points: PointPose | None) -> tuple[float, bool]:
         """Return the least excess that makes a pose one, and whether it was found by a search."""
         if points is not None:
-            return _MIN_EXCESS_WITH_POINTS, False
+            # Points carry on a wrong pose as well as a right one.
+            return (_MIN_EXCESS_WITH_POINTS if self._confirmed else _MIN_EXCESS), False
         moved = 0.0 if fit is None else self._moved(predicted, fit.T_camera_model)
         agreed = fit is not None and fit.scale < 1.0 and fit.freedom >= _MIN_AGREED and moved < _SEARCH_RANGES[0]
         enough = max(_AGREED_EXCESS if agreed else _FOUND_EXCESS, _MIN_SHARE_OF_USUAL * (self._usual or 0.0))
@@ -416,6 +454,7 @@ class LineTracker:
         if fit.excess < good:
             return TrackingState.WEAK, f"the image explains only {fit.support:.0%} of the visible edges"
         usual = self._usual
+        self._confirmed = True
         self._usual = fit.excess if usual is None else usual + _LEARNING * (fit.excess - usual)
         if usual is not None and fit.excess < _MIN_SHARE_OF_USUAL * usual:
             return (
