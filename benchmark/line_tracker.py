@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Line tracker: errors, losses and CPU time on public image sequences, beside ViSP's model-based tracker."""
+"""Line tracker: errors, losses and CPU time on public image sequences, beside trackers of ViSP and M3T."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ import numpy as np
 
 from benchmark.board_poses import BoardPoses, board_poses
 from benchmark.cube_figure import draw
+from benchmark.m3t_tracker import built_m3t
 from benchmark.texture_points import deviations, follow_points, poses_of_points
 from plsing_ros.arrays import minus_skew
 from plsing_ros.geometry import Pose
@@ -30,7 +31,8 @@ from plsing_ros.geometry.scene_file import DIRECTION_STD, POSITION_STD
 from plsing_ros.tracking import LineTracker, PinholeCamera, Tracking, TrackingState
 
 _VISP_IMAGES = Path("/usr/share/visp-images-data/ViSP-images")
-# The folder rbt/cube of lagadic/visp-images: color_image_*.png, cam.json, apriltag_data.json, model/ and init/.
+# The folder rbt/sequence of lagadic/visp-images, beside rbt/models, or one that has model/cube.obj in itself:
+# color_image_*.png, cam.json, apriltag_data.json, init/.
 _RBT_CUBE = Path(os.environ.get("PLSING_RBT_CUBE", "/nowhere"))
 _SOURCE = Path(__file__).with_name("visp_line_tracker.cpp")
 _LIBRARIES = ("-lvisp_core", "-lvisp_io", "-lvisp_mbt", "-lvisp_me", "-lvisp_klt", "-lvisp_vision")
@@ -39,6 +41,9 @@ _TURNS = 3  # of the two whose times are compared
 _LEAST_TIME = 0.1  # of an image [ms]: a tracker that takes less has given up
 _AGREE = 0.005
 _PERIOD = 1.0 / 30.0  # [s]
+_BY_DEFAULT = "all rows at once, edges as well known as lines are by default"
+_BY_ROWS = "row by row, edges so, too"
+_M3T = "M3T, region only"
 _STILL = 9  # images of the textured cube before anything moves
 # Where ViSP's example puts the cube of the rendered sequence in the castle's frame.
 _CUBE_IN_CASTLE = np.array([[-1.0, 0, 0, -0.2], [0, 0, 1.0, 0.12], [0, 1.0, 0, -0.15]])
@@ -226,7 +231,8 @@ def textured_cube() -> None:
     grid = [_pose(np.array(each)[:3]) for each in tags["grid"]]
     clicked = _pose(np.array(json.loads((_RBT_CUBE / "init" / "cube.json").read_text()))[:3])
     images = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files]
-    given = TestSequence(camera, images, read_model(_RBT_CUBE / "model" / "cube.obj"), clicked, (), (0, 0))
+    models = next(each for each in (_RBT_CUBE / "model", _RBT_CUBE.parent / "models" / "cube") if each.is_dir())
+    given = TestSequence(camera, images, read_model(models / "cube.obj"), clicked, (), (0, 0))
     # As row and column, counted from a pixel's corner.
     corners = [
         {name: np.array(tag["tag_corners"])[:, ::-1] - 0.5 for name, tag in each.items()} for each in tags["detections"]
@@ -238,16 +244,24 @@ def textured_cube() -> None:
         "the time between images"
     )
     edge_std = np.tile((POSITION_STD, DIRECTION_STD), (len(given.model), 1))
-    runs: dict[str, dict[int, Result]] = {}
-    for tracker, options in {
-        "all rows at once, edges exact": {},
-        "all rows at once, edges as well known as lines are by default": {"edge_std": edge_std},
-        "row by row, edges so, too": {"edge_std": edge_std, "readout_time": _PERIOD * rolling.readout},
-    }.items():
-        runs[tracker] = results = follow(given, images, **options)
+    runs = {
+        "all rows at once, edges exact": follow(given, images),
+        _BY_DEFAULT: follow(given, images, edge_std=edge_std),
+        _BY_ROWS: follow(given, images, edge_std=edge_std, readout_time=_PERIOD * rolling.readout),
+    }
+    m3t = built_m3t()
+    if isinstance(m3t, str):
+        print(f"  M3T's region tracker: not measured; {m3t}")
+    else:
+        by_m3t = m3t.follow(camera, _RBT_CUBE, len(files), models / "cube.obj", clicked)
+        runs[_M3T] = {k: Result(_pose(each), time, TrackingState.TRACKING) for k, (each, time) in enumerate(by_m3t)}
+    for tracker, results in runs.items():
         found = {k: each.pose for k, each in results.items() if each.pose is not None}
         states = [each.state.name for each in results.values()]
-        print(f"  {tracker}: " + ", ".join(f"{states.count(each)} {each}" for each in sorted(set(states))))
+        time_taken = 1e3 * np.median([each.seconds for each in results.values()])
+        said = ", ".join(f"{states.count(each)} {each}" for each in sorted(set(states)))
+        said = "no verdict" if tracker == _M3T else said
+        print(f"  {tracker}: {time_taken:.2f} ms of CPU in the median; {said}")
         rows = {k: camera.project(pose.translation[np.newaxis])[0, 1] for k, pose in found.items()}
         boards = {"published": grid, "row by row": [rolling.at(k, rows.get(k, 240.0)) for k in range(len(files))]}
         for name, board in boards.items():
@@ -270,16 +284,22 @@ def textured_cube() -> None:
                     for k, each in results.items()
                     if _is_ok(each)
                 ]
+                print(
+                    f"    board {name}, place {where}: {good.sum() / len(files):.0%} within 30 mm and 10 degrees; "
+                    f"{_spread(found, true)} (median, 90 %, largest)",
+                    end="; " if squares else "\n",
+                )
+                if not squares:
+                    continue
                 alone, both, turn = np.median(squares, axis=0)[:3]
                 x, y, z = np.sqrt(np.mean(np.array(squares)[:, 3:], axis=0))
                 print(
-                    f"    board {name}, place {where}: {good.sum() / len(files):.0%} within 30 mm and 10 degrees; "
-                    f"{_spread(found, true)} (median, 90 %, largest); NEES of OK poses {alone:.0f}, {both:.1f} with "
+                    f"NEES of OK poses {alone:.0f}, {both:.1f} with "
                     f"the covariance of the board's poses, {turn:.1f} of the turn alone; the cube's middle is off by "
                     f"{x:.1f}, {y:.1f} standard deviations sideways, {z:.1f} along the view"
                 )
-    _, plain, by_rows = runs.values()
-    without_edges(given, grid, rolling, {"tracked": plain, "tracked, readout_time given": by_rows})
+    shown = {"tracked": runs[_BY_DEFAULT], "tracked, readout_time given": runs[_BY_ROWS]}
+    without_edges(given, grid, rolling, shown | {each: runs[each] for each in (_M3T,) if each in runs})
 
 
 def without_edges(
@@ -291,11 +311,12 @@ def without_edges(
         given: The sequence.
         grid: The published poses of the board.
         rolling: Its poses with the time of each row.
-        runs: Of trackers, by name; the first one has a pose of each image.
+        runs: Of trackers, by name; of the first one, images without a pose are taken for those before.
     """
     camera, images = given.camera, given.images
     found = {name: {k: each.pose for k, each in run.items() if each.pose is not None} for name, run in runs.items()}
-    tracked = next(iter(found.values()))
+    first = next(iter(found.values()))
+    tracked = {k: first[max(each for each in first if each <= k)] for k in range(len(images))}
     tracks = follow_points(given.model, camera, images, list(tracked.values()))
     off = {
         "published poses": deviations(camera, tracks, lambda k, row: grid[k]),
@@ -340,7 +361,8 @@ def main(quick: bool = False) -> None:
     if _RBT_CUBE.is_dir():
         textured_cube()
     else:
-        print("rbt cube: not measured; set PLSING_RBT_CUBE to the folder rbt/cube of github.com/lagadic/visp-images")
+        print("rbt cube: not measured; set PLSING_RBT_CUBE to the folder rbt/sequence of a checkout of")
+        print("  github.com/lagadic/visp-images (GPL-2)")
 
 
 def _castle() -> tuple[TestSequence, list[Pose]]:
