@@ -189,6 +189,7 @@ class LineTracker:
         self._flat: dict[bytes, bool] = {}  # whether sets of visible edges are
         self._doubt = _MIN_DOUBT  # how far the object may have turned unseen [rad]
         self._usual: float | None = None  # excess of the images until now
+        self._found = False  # whether the object was, since the first pose
         self._confirmed = False  # whether an image explained the edges well since the pose was found
         self._noise = 0.0  # of the image [grey levels]
 
@@ -203,7 +204,7 @@ class LineTracker:
         self._doubt = _MIN_DOUBT
         self._losses = 1
         self._usual = None
-        self._confirmed = False
+        self._found = self._confirmed = False
         self._residuals[:], self._lasting = 0.0, 0.0
         self._core.forget(True)
         if self._points is not None:
@@ -260,7 +261,7 @@ class LineTracker:
             other = self._fit(grey, predicted, reach, None)
             if other is not None and (fit is None or self._is_better(predicted, other, fit)):
                 fit, by_points = other, None
-        if self._usual is None and by_points is None:
+        if not self._found and by_points is None:
             fit, apart = self._first(grey, predicted, fit)
             if apart > _APART:
                 return self._lost(f"poses {apart:.0f} pixels apart explain the edges as well")
@@ -355,7 +356,7 @@ class LineTracker:
         if not deviation < self.model.radius:
             return self._lost(f"the edges leave the position uncertain by {deviation:.2g} m")
         self._losses = 0
-        self._confirmed = self._confirmed and not found
+        self._found, self._confirmed = True, self._confirmed and not found
         state, reason = self._verdict(fit, deviation, turn, _FOUND_EXCESS if found else _GOOD_EXCESS, contradicted)
         reading = self._reading(pose)
         self._last, self._last_time = pose, self._time
@@ -494,6 +495,7 @@ class LineTracker:
 
     def _lost(self, reason: str) -> Tracking:
         self._losses += 1
+        self._found = self._found and self._confirmed
         if self._losses > _REMEMBERED_LOSSES:
             self._core.forget(False)
         self._doubt = min(self._doubt + _DOUBT_PER_LOSS, math.pi + 0.1)
