@@ -260,8 +260,8 @@ def textured_cube() -> None:
         states = [each.state.name for each in results.values()]
         time_taken = 1e3 * np.median([each.seconds for each in results.values()])
         said = ", ".join(f"{states.count(each)} {each}" for each in sorted(set(states)))
-        said = "no verdict" if tracker == _M3T else said
-        print(f"  {tracker}: {time_taken:.2f} ms of CPU in the median; {said}")
+        verdict = "no verdict" if tracker == _M3T else said
+        print(f"  {tracker}: {time_taken:.2f} ms of CPU in the median; {verdict}")
         rows = {k: camera.project(pose.translation[np.newaxis])[0, 1] for k, pose in found.items()}
         boards = {"published": grid, "row by row": [rolling.at(k, rows.get(k, 240.0)) for k in range(len(files))]}
         for name, board in boards.items():
@@ -299,7 +299,9 @@ def textured_cube() -> None:
                     f"{x:.1f}, {y:.1f} standard deviations sideways, {z:.1f} along the view"
                 )
     shown = {"tracked": runs[_BY_DEFAULT], "tracked, readout_time given": runs[_BY_ROWS]}
-    without_edges(given, grid, rolling, shown | {each: runs[each] for each in (_M3T,) if each in runs})
+    if _M3T in runs:
+        shown[_M3T] = runs[_M3T]
+    without_edges(given, grid, rolling, shown)
 
 
 def without_edges(

@@ -84,8 +84,7 @@ def flipped(model: Model, edges: Rows, T_camera_model: Pose) -> Pose | None:
     sine = float(np.linalg.norm(axis))
     if sine < 1e-9:
         return None
-    turn, _ = exponential(2.0 * math.asin(min(sine, 1.0)) / sine * axis)
-    return Pose(turn, middle - turn @ middle) @ T_camera_model
+    return _turned(T_camera_model, 2.0 * math.asin(min(sine, 1.0)) / sine * axis, middle)
 
 
 def surroundings(T_camera_model: Pose, center: Array, focal: float) -> list[Pose]:
@@ -107,25 +106,23 @@ def surroundings(T_camera_model: Pose, center: Array, focal: float) -> list[Pose
     ]
     found = [Pose(exponential(each)[0], np.zeros(3)) @ T_camera_model for each in turns]
     for roll in (-_ROLL, _ROLL):
-        turn = exponential(roll * sight)[0]
-        found.append(Pose(turn, middle - turn @ middle) @ T_camera_model)
+        found.append(_turned(T_camera_model, roll * sight, middle))
     found += [Pose(np.eye(3), share * middle) @ T_camera_model for share in (-_DEPTH, _DEPTH)]
     return found
 
 
 def nearby(T_camera_model: Pose, center: Array, focal: float) -> list[Pose]:
-    """Return poses that differ from one by little, in each motion of the object both ways.
+    """Return poses a little off one: turned about the camera's axes, and shifted along them, both ways.
 
     Args:
-        T_camera_model: The pose.
+        T_camera_model: The pose, and theirs.
         center: Of the object, in the model frame, shape (3,) [m].
         focal: Of the camera [px].
     """
     middle = T_camera_model.rotation @ center + T_camera_model.translation
     found = []
     for axis in np.vstack([np.eye(3), -np.eye(3)]):
-        turn = exponential(_NEAR_TURN * axis)[0]
-        found.append(Pose(turn, middle - turn @ middle) @ T_camera_model)
+        found.append(_turned(T_camera_model, _NEAR_TURN * axis, middle))
         shift = _NEAR_SHIFT / focal * middle[2] * axis * (1.0, 1.0, _NEAR_DEPTH)
         found.append(Pose(np.eye(3), shift) @ T_camera_model)
     return found
@@ -134,6 +131,12 @@ def nearby(T_camera_model: Pose, center: Array, focal: float) -> list[Pose]:
 def angle_between(a: Pose, b: Pose) -> float:
     """Return by how much two poses are turned against each other [rad]."""
     return math.acos(min(max(0.5 * (float(np.vdot(a.rotation, b.rotation)) - 1.0), -1.0), 1.0))
+
+
+def _turned(T_camera_model: Pose, vector: Array, middle: Array) -> Pose:
+    """Return a pose turned by a rotation vector about a point, both in camera coordinates."""
+    turn = exponential(vector)[0]
+    return Pose(turn, middle - turn @ middle) @ T_camera_model
 
 
 def _spans(ends: Array, size: float) -> bool:

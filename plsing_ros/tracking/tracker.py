@@ -42,8 +42,8 @@ _MIN_GAIN = 0.1
 # What ends a search round a pose, and where it begins in an image after the first.
 _FOUND_EXCESS = 0.8
 _STARTS_PER_IMAGE = 4
-# Round a first pose: what is found where it is said to be; what others explain about as much; and what is not the same
-# pose, since vertices move by more [px].
+# Of fits round a first pose: the support beyond chance that is enough at that pose; how much less is as good; and how
+# far a vertex moves at least from one pose to another [px].
 _SURE_EXCESS, _AS_MUCH, _APART = 0.8, 0.05, 4.0
 # What is enough of a pose found so within reach of the widest search, where lines that could contradict it by so many
 # degrees of freedom do not: edges between faces that are equally bright are not seen.
@@ -262,32 +262,32 @@ class LineTracker:
             if other is not None and (fit is None or self._is_better(predicted, other, fit)):
                 fit, by_points = other, None
         if not self._found and by_points is None:
-            fit, apart = self._first(grey, predicted, fit)
-            if apart > _APART:
-                return self._lost(f"poses {apart:.0f} pixels apart explain the edges as well")
+            fit, unsure = self._first(grey, predicted, fit)
+            if unsure:
+                return self._lost("another pose near the expected one explains the edges as well")
         elif self._losses and by_points is None and (fit is None or fit.clear_excess < _FOUND_EXCESS):
             fit = self._search(grey, predicted, fit)
         return self._concluded(grey, predicted, fit, by_points)
 
-    def _first(self, image: Image, predicted: Pose, fit: _Fit | None) -> tuple[_Fit | None, float]:
-        """Return the best fit round a first pose, and how far from it others are that explain as much, at most [px].
+    def _first(self, image: Image, predicted: Pose, fit: _Fit | None) -> tuple[_Fit | None, bool]:
+        """Return the best fit round a first pose, and whether fits of another pose explain as much.
 
         The edges that are nearest to those of the model may be those of other things.
         """
         if fit is not None and fit.excess > _SURE_EXCESS and self._moved(predicted, fit.T_camera_model) < _APART:
-            return fit, 0.0
+            return fit, False
         starts = nearby(predicted, self.model.center, self.camera.focal) + self._surroundings(predicted)
         fits = [fit, *(self._fit(image, start, _SEARCH_RANGES[1:], None) for start in starts)]
         found = [each for each in fits if each is not None]
         best = max(found, key=lambda each: each.excess, default=None)
         if best is None:
-            return None, 0.0
+            return None, False
         good = [each for each in found if each.excess > best.excess - _AS_MUCH]
         for each in good:
             # Of those that explain as much, the first pose tells which.
             if self._moved(predicted, each.T_camera_model) < _APART:
-                return each, 0.0
-        return best, max(self._moved(best.T_camera_model, each.T_camera_model) for each in good)
+                return each, False
+        return best, any(self._moved(best.T_camera_model, each.T_camera_model) > _APART for each in good)
 
     def _search(self, image: Image, predicted: Pose, fit: _Fit | None) -> _Fit | None:
         """Return the best fit round a pose."""
